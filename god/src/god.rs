@@ -16,8 +16,12 @@ pub const LINE_END: &str = "\r\n\r";
 /// The prompt.
 pub const PROMPT: &str = "=> ";
 
-/// Printed at the start; clients wait for the words "BarrettHand Firmware" after RESET.
+/// Printed at the start, before a line with the version. After RESET Barrett's own library searches for "BarrettHand Firmware" with LF behind
+/// it, in an answer whose end it has trimmed: more than white space has to follow.
 pub const BANNER: &str = "GOD of a BarrettWraptor, as BarrettHand Firmware";
+
+/// Between the banner's lines: LF alone is what that library accepts, LF CR what the hand it was written for sends.
+const BANNER_LINE_END: &str = "\n\r";
 
 /// The version of GOD's software: that of the boards it is made for.
 pub const VERSION: u16 = 600;
@@ -50,6 +54,10 @@ impl<'a> God<'a> {
 
     pub(crate) async fn print_line(&self, text: fmt::Arguments<'_>) {
         self.io.print(format_args!("{LINE_END}{text}")).await;
+    }
+
+    pub(crate) async fn banner(&self) {
+        self.print_line(format_args!("{BANNER}{BANNER_LINE_END}Version {VERSION}")).await;
     }
 
     pub(crate) async fn prompt(&self) {

@@ -145,7 +145,14 @@ impl Io {
             Kind::Head => self.queue_rx(Rx::Head(byte)),
             Kind::Data => self.queue_rx(Rx::Data(byte)),
             Kind::Discarded => {}
+            Kind::Stop => self.stop_discarding(),
         }
+    }
+
+    /// ^C among bytes that are discarded: they go on, and so does their end.
+    fn stop_discarding(&self) {
+        self.rx.borrow_mut().clear();
+        self.abort();
     }
 
     fn queue_rx(&self, rx: Rx) {
@@ -155,8 +162,18 @@ impl Io {
                 let mut framing = self.framing.get();
                 framing.discard();
                 self.framing.set(framing);
+                if framing.has_abort() {
+                    self.stop_discarding();
+                }
             }
         }
+    }
+
+    /// The serial line's break condition, or a Telnet client's Interrupt Process or Break: ^C that no byte before it can hide, neither a
+    /// packet's nor RealTime's.
+    pub fn push_break(&self) {
+        self.received.set(true);
+        self.interrupt();
     }
 
     /// ^C, ahead of all bytes that wait: those are void.
@@ -336,7 +353,7 @@ impl Io {
     }
 
     /// Ends a packet whose rest has not come for [`framing::SILENCE_US`]. While GOD has no room, its owner cannot pass on what has come.
-    /// Of bytes that are discarded, ^C as the last one is obeyed.
+    /// A 0x03 in it was ^C. Among bytes that are discarded it has been obeyed already, and its prompt is their answer.
     fn end_broken_packet(&self) {
         let received = self.received.take() || self.rx_room() == 0;
         if received {
@@ -349,11 +366,13 @@ impl Io {
         let due_us = self.received_us.get().saturating_add(framing::SILENCE_US);
         if self.now_us() < due_us {
             self.next_us.set(self.next_us.get().min(due_us));
-        } else if framing.is_discarding() && self.last_rx() == Some(ABORT) {
+        } else if framing.has_abort() && !framing.is_discarding() {
             self.interrupt();
         } else {
             self.framing.set(Framing::default());
-            self.queue_rx(Rx::Broken);
+            if !framing.has_abort() {
+                self.queue_rx(Rx::Broken);
+            }
         }
     }
 
@@ -523,11 +542,11 @@ impl Io {
         }
     }
 
-    /// Every byte is data from now on. A ^C behind bytes that are discarded is obeyed now: no silence ends them any more.
+    /// Every byte is data from now on. A ^C in a packet that is not complete is obeyed now: no silence ends it any more.
     pub(crate) fn enter_raw(&self) {
         self.raw.set(true);
         let framing = self.framing.replace(Framing::default());
-        if framing.is_discarding() && self.last_rx() == Some(ABORT) {
+        if framing.has_abort() && !framing.is_discarding() {
             self.interrupt();
         }
     }
@@ -859,24 +878,75 @@ mod tests {
         assert_eq!(io.rx_room(), RX - 1, "it was not raw");
     }
 
+    /// What arrives with the queue filled but for two, and whether it is ^C at once, and 20 ms later; what the reader finds then.
     #[test]
-    fn control_c_behind_discarded_bytes_is_obeyed_although_the_queue_is_full() {
-        let io = Io::default();
-        (0..RX - 2).for_each(|_| io.push_rx(b'\r'));
-        b"\x00\x01\x09\x03".iter().for_each(|&byte| io.push_rx(byte));
-        assert_eq!(io.rx_room(), RX, "what is discarded takes no room");
-        let mut god = core::pin::pin!(io.sleep_until(NEVER));
-        for now_us in [1_000, 1_000 + framing::SILENCE_US] {
-            poll(god.as_mut(), &io, now_us);
+    fn control_c_in_a_broken_packet_is_obeyed_although_the_queue_is_full() {
+        for (bytes, at_once, later, broken) in [
+            (&b"\x00\x01\x09\x03"[..], true, false, false),
+            (b"\x00\x01\x09\x03\x00\x41", true, false, false),
+            (b"\x00\x01\x09\x00", false, false, true),
+            (b"\x00\x03", false, true, false),
+            // The length has no room, so the rest is discarded.
+            (b"\x00\x03\x04", true, false, false),
+            (b"\x00\x01\x04\x00", false, false, true),
+            (b"\x00\x01\x04\x03", true, false, false),
+        ] {
+            let io = Io::default();
+            (0..RX - 2).for_each(|_| io.push_rx(b'\r'));
+            bytes.iter().for_each(|&byte| io.push_rx(byte));
+            let mut god = core::pin::pin!(io.sleep_until(NEVER));
+            poll(god.as_mut(), &io, 1_000);
+            assert_eq!(io.take_abort(), at_once, "{bytes:?}");
+            io.rx.borrow_mut().clear();
+            poll(god.as_mut(), &io, 1_000);
+            for now_us in [1_001, 1_001 + framing::SILENCE_US] {
+                poll(god.as_mut(), &io, now_us);
+            }
+            assert_eq!(io.take_abort(), later, "{bytes:?} later");
+            assert_eq!(io.try_read_rx() == Some(Rx::Broken), broken, "{bytes:?}");
+            assert!(!io.framing.get().is_open(), "{bytes:?}");
         }
-        assert!(io.take_abort());
     }
 
     #[test]
-    fn raw_mode_obeys_a_control_c_that_ends_discarded_bytes() {
-        for (bytes, is_abort) in
-            [(&b"\x00\x01\x09\x03"[..], true), (b"\x00\x01\x09\x03A", false), (b"\x00\x03", false)]
+    fn control_c_among_endless_bytes_is_obeyed_and_their_end_is_quiet() {
+        let io = Io::default();
+        let mut god = pin!(io.sleep_until(NEVER));
+        b"\x00\x01\x09".iter().for_each(|&byte| io.push_rx(byte));
+        for now_us in (0..100_000).step_by(1_000) {
+            io.push_rx(if now_us == 50_000 { ABORT } else { 0 });
+            poll(god.as_mut(), &io, now_us);
+            assert_eq!(io.take_abort(), now_us == 50_000);
+        }
+        poll(god.as_mut(), &io, 200_000);
+        assert_eq!((io.framing.get().is_open(), io.try_read_rx()), (false, None));
+    }
+
+    #[test]
+    fn break_aborts_in_a_line_in_a_packet_and_in_raw_mode() {
+        for (bytes, is_raw) in
+            [(&b""[..], false), (b"C", false), (b"\r\x00\x01\x04", false), (b"C\x05", true)]
         {
+            let io = Io::default();
+            if is_raw {
+                io.enter_raw();
+            }
+            bytes.iter().for_each(|&byte| io.push_rx(byte));
+            io.push_break();
+            assert!(io.take_abort(), "{bytes:?}");
+            assert_eq!((io.rx_room(), io.framing.get().is_open()), (RX, false), "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn raw_mode_obeys_a_control_c_in_a_broken_packet() {
+        for (bytes, is_abort) in [
+            (&b"\x00\x01\x09\x03"[..], true),
+            (b"\x00\x01\x09\x03A", true),
+            (b"\x00\x03", true),
+            (b"\x00\x01\x09", false),
+            (b"\x00\x03\x01\x05", false),
+        ] {
             let io = Io::default();
             bytes.iter().for_each(|&byte| io.push_rx(byte));
             io.enter_raw();

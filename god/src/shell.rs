@@ -10,7 +10,7 @@ use tater_wire::Property;
 
 use crate::command::{Category, GclCommand};
 use crate::events::EventKind;
-use crate::god::{BANNER, God};
+use crate::god::God;
 use crate::grammar::{self, Statement};
 use crate::io::{Io, unless_aborted, with_background};
 use crate::line::{self, Input};
@@ -32,7 +32,7 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
         io.record(EventKind::Started);
         with_background(settings::hand::maintain_statistics(&god), async {
             io.set_baud(god.parameters.borrow().hand.baud);
-            god.print_line(format_args!("{BANNER}")).await;
+            god.banner().await;
             god.prompt().await;
             with_background(order::send_keepalives(&god), serve(&god)).await;
         })
@@ -60,7 +60,7 @@ async fn serve(god: &God<'_>) {
                 Status::OK => continue,
                 refusal => Outcome::Done(refusal),
             },
-            Input::BrokenPacket => Outcome::Done(Status::INVALID_VALUE),
+            Input::BrokenPacket | Input::Unreadable => Outcome::Done(Status::INVALID_VALUE),
             Input::TooLong => Outcome::Done(Status::TOO_MANY_ARGUMENTS),
             Input::Line(mut line) => {
                 line.make_ascii_uppercase();

@@ -83,7 +83,7 @@ fn answers_return_as_text_or_as_packets() {
 
 /// What a host gets for bytes that are no packet, at the latest 25 ms later.
 const BROKEN: &[(&[u8], &str)] = &[
-    // A head alone is what a serial line's break looks like.
+    // A NUL alone, or a serial line's break to a port that cannot tell.
     (b"\x00", ""),
     (b"\x04", ""),
     (b"\x04\x04", "|ERR 128|=> "),
@@ -91,8 +91,8 @@ const BROKEN: &[(&[u8], &str)] = &[
     // Nine data bytes; none of what follows is read.
     (b"\x00\x01\x09FGET P\r\x00\x01\x01\x05", "|ERR 128|=> "),
     (b"\x00\x01\xFF", "|ERR 128|=> "),
-    // The identifier of a board, node 1.
-    (b"\x00\x21\x01\x05", "|ERR 128|=> "),
+    // The identifier of a board, node 1: behind 0x00 it is text.
+    (b"\x00\x41\x01\x05\r", "A|ERR 128|=> "),
     (b"\x04\x26\x04\x85\x00\x02\x00", "|ERR 128|=> "),
     // No data, an unknown property, a board that is not there: frames that nobody answers.
     (b"\x00\x01\x00", ""),
@@ -100,8 +100,12 @@ const BROKEN: &[(&[u8], &str)] = &[
     (b"\x00\x1F\x01\x05", ""),
     // Not at the start of a line.
     (b"C\x00\x01\x01\x05\x7F\r", "C\x08 \x08|=> "),
-    // ^C as the last byte that is discarded, and ahead of GOD's reading a packet.
+    // ^C in a packet that breaks off or has a wrong length, and ahead of GOD's reading a packet.
     (b"\x00\x01\x09\x00\x03", "|=> "),
+    (b"\x00\x01\x09\x03\x00", "|=> "),
+    (b"\x00\x03\x09", "|=> "),
+    (b"\x00\x03", "|=> "),
+    (b"\x04\x04\x04\x88\x03\x00", "|=> "),
     (b"\x00\x01\x01\x05\x03", "|=> "),
     (b"\x00\x01\x01\x05\r", "|1 STAT=2|=> "),
 ];
@@ -121,12 +125,17 @@ fn bytes_that_are_no_packet_have_a_defined_result() {
     }
 }
 
-/// Every split of a packet: whole if the pause is shorter than 20 ms, broken if it is longer.
+/// Every split of a packet: whole if the pause is shorter than 20 ms, broken if it is longer. Then a 0x03 before the pause was ^C.
 #[test]
 fn pause_of_20_ms_breaks_a_packet() {
     let bytes = set(node(1), Property::MT, 3 * 256 + 3);
     for split in 1..bytes.len() {
-        for (pause_us, expected) in [(19_000, ""), (21_000, if split == 1 { "" } else { "|ERR 128|=> " })] {
+        let broken = match &bytes[..split] {
+            [_] => "",
+            with_abort if with_abort.contains(&3) => "|=> ",
+            _ => "|ERR 128|=> ",
+        };
+        for (pause_us, expected) in [(19_000, ""), (21_000, broken)] {
             let mut session = awake(&[]);
             let before = session.exchange_text(&bytes[..split], pause_us);
             assert_eq!(before, if pause_us < 20_000 { "" } else { expected }, "{split}");

@@ -47,6 +47,21 @@ impl<S: Motorized> Host<S> {
         text.split_whitespace().map(|word| word.parse().expect("a number")).collect()
     }
 
+    /// `Init` of Barrett's library: an empty line must succeed, and RESET at 9600 baud answer with its words and LF, once white space is trimmed
+    /// from both ends.
+    fn init(&mut self) -> bool {
+        assert_eq!(self.command(""), Ok(String::new()));
+        self.port.write(b"RESET\r");
+        self.port.baud = 96;
+        assert_eq!(self.port.read(5, READ_MS).as_deref(), Some(&b"RESET"[..]));
+        let bytes = self.port.read_until(b"=> ", READ_MS).expect("a prompt");
+        let text = String::from_utf8(bytes).expect("text");
+        let is_white = |c: char| matches!(c, ' ' | '\r' | '\n' | '\t');
+        let trimmed = text.trim_end_matches("=> ").trim_matches(is_white);
+        assert!(!trimmed.starts_with("ERR"), "{trimmed:?}");
+        trimmed.contains("BarrettHand Firmware\n")
+    }
+
     /// The hand answers at the new rate; the host waits a second, clears and sends an empty line.
     fn set_baud(&mut self, baud: u16) {
         self.port.write(format!("PSET BAUD {baud}\r").as_bytes());
@@ -66,11 +81,8 @@ fn barrett_host_finds_the_hand_and_resets_it() {
         host.set_baud(baud as u16);
         assert_eq!(host.numbers("PGET BAUD"), [baud]);
     }
-    // RESET ends at the stored rate, 9600, with the words that hosts look for.
-    host.port.write(b"RESET\r");
-    host.port.baud = 96;
-    let banner = host.port.read_until(b"=> ", 5_000).expect("a prompt");
-    assert!(String::from_utf8_lossy(&banner).contains("BarrettHand Firmware"));
+    // RESET ends at the stored rate, 9600.
+    assert!(host.init());
     assert_eq!(host.port.hand.io().baud(), 96);
 }
 
@@ -113,7 +125,9 @@ fn barrett_host_runs_realtime_with_compat_262() {
 #[test]
 fn barrett_host_moves_and_runs_realtime_on_emulated_boards() {
     let Some(programs) = production() else { return };
-    moves(Host::new(boards(&programs)));
+    let mut host = Host::new(boards(&programs));
+    assert!(host.init());
+    moves(host);
     runs_realtime(Host::new(boards(&programs)));
 }
 

@@ -31,6 +31,8 @@ struct Motion {
     /// TC or TO: with HOLD it presses on in mode 4.
     presses: bool,
     homes: bool,
+    /// MODE 5 ordered it: it ends in mode 3 whatever HOLD is.
+    holds: bool,
 }
 
 pub(super) struct Board {
@@ -128,6 +130,9 @@ impl Board {
                 self.put(Property::MODE, value);
                 if value == 5 {
                     self.start(self.value(Property::E), 5, now_us);
+                    if let Some(motion) = &mut self.motion {
+                        motion.holds = true;
+                    }
                 }
             }
             Property::M => self.start(value, 5, now_us),
@@ -190,7 +195,7 @@ impl Board {
         let code = if presses { EndCode::Stalled } else { EndCode::Arrived };
         let end = self.ends.pop_front().unwrap_or(End { code, after_us: MOTION_US, position: None });
         let end_us = now_us + end.after_us;
-        self.motion = Some(Motion { end, end_us, goal, presses, homes: false });
+        self.motion = Some(Motion { end, end_us, goal, presses, homes: false, holds: false });
     }
 
     /// The time of its next change by itself.
@@ -216,7 +221,7 @@ impl Board {
 
     fn end(&mut self, motion: &Motion) -> Vec<Report> {
         let End { code, position, .. } = motion.end;
-        let holds = self.value(Property::HOLD) != 0;
+        let holds = motion.holds || self.value(Property::HOLD) != 0;
         let mode = match code {
             EndCode::Fault => ModeCode::Idle,
             EndCode::Stalled if holds && motion.presses => ModeCode::Velocity,

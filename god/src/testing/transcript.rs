@@ -224,6 +224,10 @@ impl Stage {
         match words.as_slice() {
             ["^C"] => self.io.push_rx(io::ABORT),
             ["hangup"] => self.io.hang_up(),
+            ["break"] => {
+                self.io.push_break();
+                self.next_us = self.now_us;
+            }
             ["restart"] => {
                 self.god = start(self.io, self.memory);
                 self.run_to_prompt();
@@ -319,7 +323,8 @@ impl Stage {
             .map(|byte| if is_text(byte) { char::from(*byte).into() } else { format!("\\x{byte:02x}") })
             .collect();
         let echo = core::mem::take(&mut self.echo);
-        for line in text.strip_prefix(echo.as_str()).unwrap_or(&text).split("\r\n\r") {
+        let lines = text.strip_prefix(echo.as_str()).unwrap_or(&text).split("\r\n\r");
+        for line in lines.flat_map(|line| line.split("\n\r")) {
             match line {
                 "" => {}
                 "=> " => self.record += &format!("=>{at}\n"),

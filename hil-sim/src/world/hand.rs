@@ -291,6 +291,12 @@ impl<S: Motorized> Hand<S> {
         self.next_us = self.bus.now_us();
     }
 
+    /// A break condition of the serial line, or what stands for one: aborts, also in a packet and in RealTime.
+    pub fn push_break(&mut self) {
+        self.io.push_break();
+        self.next_us = self.bus.now_us();
+    }
+
     /// The host disconnects: GOD discards what was not read and aborts what is running.
     pub fn hang_up(&mut self) {
         self.io.hang_up();

@@ -53,6 +53,15 @@ impl Serial {
         }
     }
 
+    /// Transmits a break condition, or a Telnet client's Interrupt Process or Break, which a device server makes one: aborts at once, whatever
+    /// mode the line is in. Bytes of the host that are on the line are lost.
+    pub fn put_break<S: Motorized>(&mut self, hand: &mut Hand<S>) {
+        self.framing = Framing::default();
+        self.to_god.clear();
+        self.there_us = None;
+        hand.push_break();
+    }
+
     /// Bytes that have not reached GOD yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
