@@ -71,11 +71,11 @@ table! {
     Tc = "TC", Movement, true, "", "closes with limited torque until stalled";
     To = "TO", Movement, true, "", "opens with limited torque until stalled";
     Wm = "WM", Movement, true, "[position 0..20000]", "moves links to a position in counts, or DP, while the tips keep their direction";
-    Fset = "FSET", MotorParameters, true, "<name> <value> ...", "sets parameters of motors";
+    Fset = "FSET", MotorParameters, true, "<name> <value> ...", "sets parameters of motors; without a prefix EN of all";
     Fget = "FGET", MotorParameters, true, "<name> ...", "prints parameters of motors";
     Fload = "FLOAD", MotorParameters, true, "", "takes the stored parameters of motors";
     Fsave = "FSAVE", MotorParameters, true, "", "stores the parameters of motors";
-    Fdef = "FDEF", MotorParameters, true, "", "sets the parameters of motors to their defaults";
+    Fdef = "FDEF", MotorParameters, true, "", "sets the parameters of motors to their defaults; without a prefix EN of all, so that disabled ones move again";
     Flist = "FLIST", MotorParameters, false, "", "lists the motor parameters";
     Flistv = "FLISTV", MotorParameters, true, "", "lists the motor parameters with their values";
     Pset = "PSET", GlobalParameters, false, "<name> <value> ...", "sets parameters of the hand";

@@ -1,6 +1,6 @@
 //! Questions to the boards: which motors are selected, whether they can move, values and positions in the language's units.
 
-use tater_wire::Property;
+use tater_wire::{FaultCode, Property};
 
 use crate::boards::Answers;
 use crate::god::God;
@@ -31,15 +31,13 @@ pub(crate) async fn selection(god: &God<'_>, prefix: Prefix) -> Result<Selection
     if selection.axes.is_empty() { Err(Status::NO_MOTOR) } else { Ok(selection) }
 }
 
-/// The same, with their boards awake.
+/// Wakes the boards of motors.
 ///
 /// # Errors
-/// [`Status::NO_MOTOR`], or [`Status::NO_BOARD`]: one does not answer.
-pub(crate) async fn awake_selection(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
-    let selection = selection(god, prefix).await?;
-    let motors = selection.motors();
+/// [`Status::NO_BOARD`]: one does not answer.
+pub(crate) async fn wake(god: &God<'_>, motors: Motors) -> Result<(), Status> {
     let silent = motors.difference(god.boards.wake(motors).await);
-    if silent.is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
+    if silent.is_empty() { Ok(()) } else { Err(Status::NO_BOARD) }
 }
 
 pub(crate) fn is_too_hot(god: &God<'_>) -> bool {
@@ -155,14 +153,28 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
     }
 }
 
-/// S of each motor: the result of its last motion, and whether its position is known now.
+/// S of each motor: what ended its last motion, and what would refuse the next one now. Every motor has one: of a silent board it is 1.
 pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
-    let lost = uninitialized(god, motors).await;
+    let halls = god.boards.get(motors, Property::HALLH).await;
+    let errors = god.boards.get(halls.motors(), Property::ERROR).await;
+    let is_hot = is_too_hot(god);
     Answers::from_fn(motors, |motor| {
-        // NOT_INITIALIZED of the last motion is outdated.
-        let last = god.session.result(motor).code() & !Status::NOT_INITIALIZED.code();
-        let now = if lost.has(motor) { Status::NOT_INITIALIZED } else { Status::OK };
-        Some((Status::of(last) | now).code().into())
+        let mut status = god.session.result(motor).of_motion();
+        let (Some(halls), Some(error)) = (halls.get(motor), errors.get(motor)) else {
+            return Some((status | Status::NO_BOARD).code().into());
+        };
+        let fault = FaultCode::of(error);
+        if halls & POSITION_KNOWN == 0 {
+            status |= Status::NOT_INITIALIZED;
+        }
+        if is_hot || fault == Some(FaultCode::OverTemperature) {
+            status |= Status::OVER_TEMPERATURE;
+        }
+        // As of a motion: 8 where nothing else says it. A storage fault stops no motor.
+        if status.is_ok() && error != 0 && fault != Some(FaultCode::Storage) {
+            status |= Status::FAULT;
+        }
+        Some(status.code().into())
     })
 }
 

@@ -195,17 +195,27 @@ impl<'a, 'b> Loop<'a, 'b> {
             }
             match header {
                 // The data arrive while the feedback leaves.
-                b'C' => _ = join(self.write_feedback(), self.read_control()).await,
-                b'A' => self.write_feedback().await,
-                b'c' => {
-                    // A block that broke off is not answered.
-                    if self.read_control().await.is_some() {
-                        self.write(b"*").await;
+                b'C' => {
+                    let (_, control) = join(self.write_feedback(), self.read_control()).await;
+                    if control.is_none() && self.is_aborted() {
+                        return End::Host;
                     }
                 }
+                b'A' => self.write_feedback().await,
+                b'c' => match self.read_control().await {
+                    Some(()) => self.write(b"*").await,
+                    // A block that broke off is not answered.
+                    None if self.is_aborted() => return End::Host,
+                    None => {}
+                },
                 _ => self.write(b"*").await,
             }
         }
+    }
+
+    /// Whether a block that broke off has ended in ^C: a host that was interrupted within one sends nothing else.
+    fn is_aborted(&self) -> bool {
+        self.god.io.last_rx() == Some(ABORT)
     }
 
     async fn end(&self) {
@@ -405,8 +415,11 @@ impl<'a, 'b> Loop<'a, 'b> {
         }
     }
 
-    /// The status by the boards' reports since the last call and by missing answers.
+    /// The status by the hand's temperature, the boards' reports since the last call and missing answers.
     async fn faults(&self) -> Status {
+        if query::is_too_hot(self.god) {
+            return Status::OVER_TEMPERATURE;
+        }
         if self.god.io.is_bus_down() {
             self.silent.set(self.selection.motors());
             return Status::NO_BOARD;

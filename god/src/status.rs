@@ -65,6 +65,13 @@ impl Status {
         Self(code)
     }
 
+    /// The codes that only the motion knows which they ended. The others hold for as long as their cause does.
+    #[must_use]
+    pub fn of_motion(self) -> Self {
+        let kept = Self::NOT_REACHED | Self::ABORTED | Self::FAULT | Self::NOT_STORED;
+        Self(self.0 & kept.0)
+    }
+
     /// Whether it is success.
     #[must_use]
     pub const fn is_ok(self) -> bool {

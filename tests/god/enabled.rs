@@ -144,3 +144,37 @@ fn prefix_overrides_en() {
         assert_eq!(session.run(line), "ERR 2", "{line}");
     }
 }
+
+/// By EN alone no line without a prefix would reach a disabled motor again, nor would FDEF leave a hand that moves.
+#[test]
+fn fset_en_and_fdef_enable_disabled_motors() {
+    const EN: &str = "X1234567FGET EN";
+    for disabled in ["X4", "X15", "X26", "X7", "X1234567"] {
+        for line in ["FSET EN 1", "FDEF"] {
+            let mut session = Session::new();
+            assert_eq!(session.run(&format!("{disabled}FSET EN 0")), "");
+            assert_eq!(session.run(line), "", "{line} with {disabled} disabled");
+            assert_eq!(session.run(EN), "1 1 1 1 1 1 1", "{line} with {disabled} disabled");
+        }
+    }
+    // With a prefix the named motors alone; everything else of a line is for those that had EN.
+    let mut session = Session::new();
+    for (line, answer) in [
+        ("4FSET EN 0", ""),
+        ("1FSET EN 1", ""),
+        ("1FDEF", ""),
+        (EN, "1 1 1 0 1 1 1"),
+        ("FSET EN 1 TSTOP 77", ""),
+        ("X1234567FGET TSTOP", "77 77 77 400 77 77 77"),
+        (EN, "1 1 1 1 1 1 1"),
+        ("FSET EN 0", ""),
+        ("FSET EN 1 TSTOP 78", "ERR 2"),
+        ("FSET EN 2", "ERR 128"),
+        (EN, "0 0 0 0 0 0 0"),
+        ("FDEF", ""),
+        ("X4FGET EN", "1"),
+    ] {
+        assert_eq!(session.run(line), answer, "{line}");
+    }
+    assert!(session.run("?FDEF").contains("EN of all"));
+}

@@ -64,6 +64,39 @@ fn otemp_ends_motions_of_a_hand_that_has_become_hot() {
     );
 }
 
+/// An over-temperature ends LOOP, and S says what holds when it is read: of every motor, and no longer once the hand is cool.
+#[test]
+fn otemp_ends_loop_and_s_is_recomputed() {
+    for header in [&b"A"[..], b"a", b"C\x14\x20", b"c\x14\x20"] {
+        let mut session = Session::new();
+        assert_answers(&mut session, &[("HI", ""), ("PSET OTEMP 400", "")]);
+        session.start("SLOOP");
+        session.hand.push_rx(b"c\x14\x20");
+        session.wait_us(50_000);
+        assert_eq!(session.hand.take_tx(), b"*");
+        session.hand.fix_temperature(Some(40.1));
+        session.hand.push_rx(header);
+        assert_eq!(session.read_to_prompt(), "\r\n\rERR 8192\r\n\r=> ", "{header:?}");
+        session.wait_us(300_000);
+        let speed = session.hand.bus().stations().nth(3).expect("motor 4").board().rig().truth().counts_per_s;
+        assert!(speed.abs() < 1.0, "{speed}");
+        assert_answers(
+            &mut session,
+            &[
+                ("SFGET S", "8192"),
+                ("FGET S", "8192 8192 8192 8192"),
+                ("1M 100", "ERR 8192"),
+                ("SLOOP", "ERR 8192"),
+            ],
+        );
+        session.hand.fix_temperature(Some(40.0));
+        assert_answers(&mut session, &[("FGET S", "0 0 0 0"), ("1M 100", "")]);
+        // Nor does a limit that is taken away hold.
+        assert_answers(&mut session, &[("PSET OTEMP 60", ""), ("1C", "ERR 8192"), ("1FGET S", "8192")]);
+        assert_answers(&mut session, &[("PSET OTEMP -551", ""), ("1FGET S", "0"), ("1C", "")]);
+    }
+}
+
 #[test]
 fn lft_feeds_the_palms_temperature_back() {
     for (compat, size) in [(0, 2), (262, 1)] {

@@ -2,6 +2,9 @@
 //!
 //! Without X a finger is one axis: its parameters are set on link and tip, which have the same defaults of DP, DS, CT and OT (manual 5.3),
 //! and read from the link. Their defaults of ACCEL differ: X sets each one's own.
+//!
+//! Without a prefix FSET and FDEF set EN of all seven motors, and everything else of those that have EN: by EN alone no such line would reach a
+//! disabled motor again, and FDEF would leave a hand that does not move (decision 0001).
 
 use tater_wire::Property;
 
@@ -34,21 +37,45 @@ pub(super) async fn execute(
     if let Err(status) = checked {
         return status;
     }
-    let selection = match query::awake_selection(god, prefix).await {
+    let is_plain = !prefix.given && !prefix.exclusive;
+    let set_en = is_plain && matches!(command, GclCommand::Fset | GclCommand::Fdef);
+    let selection = match query::selection(god, prefix).await {
+        Err(Status::NO_MOTOR) if set_en && sets_en_alone(command, arguments.clone(), rule) => {
+            prefix.select(Motors::NONE)
+        }
         Ok(selection) => selection,
         Err(status) => return status,
     };
     let motors = selection.motors();
+    let is_for_silent = command == GclCommand::Fget && is_status_alone(arguments.clone());
+    match query::wake(god, motors).await {
+        Err(status) if !is_for_silent => return status,
+        _ => {}
+    }
+    let with_en = if set_en { Motors::ALL } else { motors };
     match command {
-        GclCommand::Fset => set(god, pairs(arguments, parameter::motor, rule), motors).await,
+        GclCommand::Fset => set(god, pairs(arguments, parameter::motor, rule), motors, with_en).await,
         GclCommand::Fget => get(god, arguments, selection).await,
         GclCommand::Fload => load(god, motors).await,
         GclCommand::Fsave => save(god, motors).await,
-        GclCommand::Fdef => reset_to_defaults(god, motors).await,
+        GclCommand::Fdef => reset_to_defaults(god, motors, with_en).await,
         GclCommand::Flistv => list_values(god, selection, false).await,
         GclCommand::Flistav => list_values(god, selection, true).await,
         _ => Status::UNKNOWN_COMMAND,
     }
+}
+
+const EN: Source = Source::Board(Property::EN);
+
+/// Whether a line that no motor has EN for has something to do: `FSET EN 1` and FDEF.
+fn sets_en_alone(command: GclCommand, arguments: Arguments<'_>, rule: fn(&ParameterSpec) -> Rule) -> bool {
+    command == GclCommand::Fdef
+        || pairs(arguments, parameter::motor, rule).flatten().all(|(spec, _)| spec.source == EN)
+}
+
+/// Whether a FGET asks for S alone, which says of a silent board that it is silent.
+fn is_status_alone(arguments: Arguments<'_>) -> bool {
+    names(arguments, parameter::motor).is_ok_and(|mut specs| specs.all(|spec| spec.source == Source::Status))
 }
 
 fn rule(spec: &ParameterSpec) -> Rule {
@@ -64,9 +91,16 @@ fn rule_262(spec: &ParameterSpec) -> Rule {
 
 type Pair = (&'static ParameterSpec, i64);
 
-async fn set(god: &God<'_>, pairs: impl Iterator<Item = Result<Pair, Status>>, motors: Motors) -> Status {
+/// Sets parameters of motors, and EN of those `with_en`.
+async fn set(
+    god: &God<'_>,
+    pairs: impl Iterator<Item = Result<Pair, Status>>,
+    motors: Motors,
+    with_en: Motors,
+) -> Status {
     let mut status = Status::OK;
     for (spec, value) in pairs.flatten() {
+        let motors = if spec.source == EN { with_en } else { motors };
         // A finger is one axis, and has no torque of its own.
         if matches!(spec.source, Source::Kept { kept: Kept::Lct, .. })
             && value != 0
@@ -160,10 +194,11 @@ fn copy(from: &[MotorParameters], to: &mut [MotorParameters], motors: Motors) {
     }
 }
 
-/// Sets each default: the boards' DEF would reset what is stored as well. Ends at a board that does not answer.
-async fn reset_to_defaults(god: &God<'_>, motors: Motors) -> Status {
+/// Sets each default, that of EN of those `with_en`: the boards' DEF would reset what is stored as well. Ends at a board that does not answer.
+async fn reset_to_defaults(god: &God<'_>, motors: Motors, with_en: Motors) -> Status {
     let mut status = Status::OK;
     for spec in MOTOR.iter().filter(|spec| spec.writable) {
+        let motors = if spec.source == EN { with_en } else { motors };
         let defaults = Answers::from_fn(motors, |motor| Some(spec.default_for(motor.kind())));
         status |= order::set_parameter(god, spec, &defaults).await;
         if status.has(Status::NO_BOARD) {
@@ -180,7 +215,12 @@ pub(super) async fn list(god: &God<'_>, all: bool) -> Status {
     Status::OK
 }
 
+/// Prints a row for each parameter, below the numbers of the axes.
 async fn list_values(god: &God<'_>, selection: Selection, all: bool) -> Status {
+    god.print_line(format_args!("motor")).await;
+    for motor in selection.axes.iter() {
+        god.io.print(format_args!(" {}", motor.number())).await;
+    }
     for spec in MOTOR.iter().filter(|spec| is_listed(spec.category, all)) {
         god.print_line(format_args!("{}", spec.name)).await;
         let status = print(god, spec, selection, " ").await;
