@@ -4,7 +4,7 @@ use core::fmt::Write;
 
 use crate::command::{self, Category, GclCommand, ROWS};
 use crate::god::{God, Text, VERSION};
-use crate::grammar::Arguments;
+use crate::grammar::{Arguments, lower};
 use crate::status::{self, Status};
 
 const CATEGORIES: [(Category, &str); 6] = [
@@ -56,6 +56,10 @@ async fn list(god: &God<'_>, advanced: bool) -> Status {
 }
 
 async fn help(god: &God<'_>, name: &str) -> Status {
+    if let Some(row) = lower::ROWS.iter().find(|row| row.name == name) {
+        god.print_line(format_args!("{}: {}", row.line, row.help)).await;
+        return Status::OK;
+    }
     let Some(row) = command::find(name).and_then(GclCommand::row) else { return Status::UNKNOWN_COMMAND };
     let space = if row.arguments.is_empty() { "" } else { " " };
     god.print_line(format_args!("{}{space}{}: {}", row.name, row.arguments, row.help)).await;
@@ -99,6 +103,9 @@ mod tests {
         for row in ROWS {
             let len = row.name.len() + row.arguments.len() + row.help.len() + 3;
             assert!(len <= io::TEXT - 3, "{}: {len}", row.name);
+        }
+        for row in lower::ROWS {
+            assert!(row.line.len() + row.help.len() + 2 <= io::TEXT - 3, "{}", row.name);
         }
     }
 }

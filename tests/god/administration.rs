@@ -11,6 +11,10 @@ pub const COMMANDS: &[Exchange] = &[
     ("??", "? [command]: lists the commands, or tells what one does"),
     ("?FROB", "ERR 32"),
     ("?HI O", "ERR 1024"),
+    ("?wake", "WAKE: wakes the boards, which sleep after power-on"),
+    ("?SAVE", "SAVE: stops the motors, and stores positions and parameters for power-off"),
+    ("?S", "<boards> S <property> <value>: sets a property of boards, as 4 S E 82"),
+    ("?G", "<boards> G <property>: prints a property of boards, as 123 G TEMP"),
     ("A? HI", "ERR 1024"),
     ("1?", "ERR 4096"),
     ("ERR 0", "0 all went well"),
@@ -23,7 +27,7 @@ pub const COMMANDS: &[Exchange] = &[
     ("VERS", "600"),
     ("VERS 1", "ERR 1024"),
     ("RESET 1", "ERR 1024"),
-    ("RESET", "GOD of a BarrettWraptor, as BarrettHand Firmware"),
+    ("RESET", "GOD of a BarrettWraptor, as BarrettHand Firmware\n\rVersion 600"),
 ];
 
 #[test]

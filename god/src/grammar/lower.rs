@@ -25,6 +25,33 @@ pub enum Request {
     GetReply,
 }
 
+/// A line of this grammar, for help.
+#[derive(Clone, Copy, Debug)]
+pub struct LineSpec {
+    /// The name under which help finds it.
+    pub name: &'static str,
+    /// The line, as typed.
+    pub line: &'static str,
+    /// Help text.
+    pub help: &'static str,
+}
+
+/// Every line of this grammar.
+pub const ROWS: &[LineSpec] = &[
+    LineSpec { name: "WAKE", line: "WAKE", help: "wakes the boards, which sleep after power-on" },
+    LineSpec {
+        name: "SAVE",
+        line: "SAVE",
+        help: "stops the motors, and stores positions and parameters for power-off",
+    },
+    LineSpec {
+        name: "S",
+        line: "<boards> S <property> <value>",
+        help: "sets a property of boards, as 4 S E 82",
+    },
+    LineSpec { name: "G", line: "<boards> G <property>", help: "prints a property of boards, as 123 G TEMP" },
+];
+
 /// How far a line is one of this grammar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
