@@ -174,6 +174,18 @@ fn gcl_answers_each_command_of_a_line() {
     }
 }
 
+/// As `printf 'HI\nLOOP\nVERS\nBOGUS\n' | hil-sim gcl`.
+#[test]
+fn gcl_keeps_step_after_loop() {
+    let output = gcl(&[], b"HI\nLOOP\nVERS\nBOGUS\n");
+    assert!(
+        stdout(&output).ends_with("=> HI\n=> LOOP\n*\n=> VERS\n600\n=> BOGUS\nERR 32\n"),
+        "{}",
+        stdout(&output)
+    );
+    assert_eq!(output.status.code(), Some(1));
+}
+
 #[test]
 fn gcl_refuses_bytes_that_the_hand_would_drop() {
     for (input, found) in [

@@ -36,6 +36,28 @@ fn typist_returns_answers_and_statuses() {
     }
 }
 
+/// RealTime of several motors ends some ms after its ^C: a second one would have a prompt that the next line takes for its own.
+#[test]
+fn typist_keeps_step_after_loop() {
+    let mut typist = typist();
+    for line in ["HI", "LOOP", "VERS", "frob", "13SLOOP", "PGET LFT", "X1234567LOOP", "VERS"] {
+        let reply = typist.run_line(line).expect("it prompts");
+        let expected = match line {
+            "VERS" => ("600", 0),
+            "frob" => ("ERR 32", 32),
+            "PGET LFT" => ("0", 0),
+            "HI" => ("", 0),
+            _ => ("*", 0),
+        };
+        assert_eq!(
+            (&*reply.answer, reply.status, reply.unsolicited.len()),
+            (expected.0, expected.1, 0),
+            "{line}"
+        );
+    }
+    assert_eq!(typist.unsolicited(), [""; 0]);
+}
+
 /// `0 S REPLY 1`: packets are shown as digits, in answers and unasked.
 #[test]
 fn typist_prints_packets_as_digits() {

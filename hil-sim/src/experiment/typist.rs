@@ -160,8 +160,8 @@ impl Typist {
         }
         let output = self.wait_for_prompt(line, limit_us, goes_on)?;
         let ms = (self.hand.now_us() - start_us) as f64 / 1000.0;
-        let echo = line.trim_end_matches(char::from(ABORT));
-        let answer = answer(output.strip_prefix(echo).unwrap_or(&output));
+        let echo = text(line.trim_end_matches(char::from(ABORT)).as_bytes());
+        let answer = answer(output.strip_prefix(&echo).unwrap_or(&output));
         let status = answer.lines().rev().find_map(|line| line.strip_prefix("ERR ")?.trim().parse().ok());
         let unsolicited = std::mem::take(&mut self.unsolicited);
         Ok(Reply { line: line.to_owned(), answer, status: status.unwrap_or(0), unsolicited, ms })
@@ -211,6 +211,7 @@ impl Typist {
         // The banner starts on a new line as well, but is solicited.
         let is_first = start_us == 0;
         let end_us = start_us + limit_us;
+        let mut has_aborted = false;
         while self.hand.now_us() < end_us && goes_on() {
             self.advance(end_us.min(self.hand.now_us() + POLL_US));
             while let Some(output) = self.next_output() {
@@ -222,12 +223,15 @@ impl Typist {
                     return Ok(output);
                 }
             }
-            // RealTime expects control blocks, and a script has none.
-            if self.output.ends_with(b"*")
+            // RealTime expects control blocks, and a script has none. One ^C: another would have a prompt of its own, which the next line would
+            // take for its answer.
+            if !has_aborted
+                && self.output.ends_with(b"*")
                 && self.output.len() == line.len() + 1
                 && line.trim_end().to_ascii_uppercase().ends_with("LOOP")
             {
                 self.hand.push_rx(&[ABORT]);
+                has_aborted = true;
             }
         }
         let limit_s = limit_us / 1_000_000;

@@ -126,7 +126,8 @@ fn run_lines(args: &GclArgs, lines: &mut Lines, typist: &mut Typist) -> Result<(
     }
 }
 
-/// Refuses what the hand would drop without a word: bytes that are neither printable ASCII nor a key (^C, tab, backspace, delete).
+/// Refuses what the hand would answer with ERR 128, and says where it is: bytes that are neither printable ASCII nor a key (^C, tab, backspace,
+/// delete). Nothing of the line runs, as in the hand.
 fn check(line: &str, place: impl Fn() -> String) -> Result<(), BadInput> {
     let is_typed = |byte: u8| matches!(byte, b' '..=0x7F | ABORT | b'\t' | 8);
     let Some(at) = line.bytes().position(|byte| !is_typed(byte)) else { return Ok(()) };
