@@ -139,7 +139,8 @@ fn played(expected: &str) -> String {
             session.run(typed);
         }
     }
-    session.transcript.replace("\r\n\r", "\n").trim_start().to_owned() + "\n"
+    // The banner's own line end is LF CR.
+    session.transcript.replace("\r\n\r", "\n").replace("\n\r", "\n").trim_start().to_owned() + "\n"
 }
 
 /// Sends a control block, such as `C 0a f6`, and records its answer.

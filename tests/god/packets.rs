@@ -98,8 +98,9 @@ const BROKEN: &[(&[u8], &str)] = &[
     (b"\x00\x01\x00", ""),
     (b"\x00\x01\x01\x7F", ""),
     (b"\x00\x1F\x01\x05", ""),
-    // Not at the start of a line.
-    (b"C\x00\x01\x01\x05\x7F\r", "C\x08 \x08|=> "),
+    // Not at the start of a line: a line with control characters.
+    (b"C\x00\x01\x01\x05\x7F\r", "C\x08 \x08|ERR 128|=> "),
+    (b"C\x00\x7F\r", "C\x08 \x08|=> "),
     // ^C in a packet that breaks off or has a wrong length, and ahead of GOD's reading a packet.
     (b"\x00\x01\x09\x00\x03", "|=> "),
     (b"\x00\x01\x09\x03\x00", "|=> "),
