@@ -330,7 +330,9 @@ impl Observer {
     pub fn set_motor(&mut self, motor: Motor) {
         if motor != self.motor {
             self.motor = motor;
-            (self.state.emf_change, self.state.gain_change) = (0, 0);
+            for state in [&mut self.state, &mut self.previous] {
+                (state.emf_change, state.gain_change) = (0, 0);
+            }
             self.rescale();
         }
     }
@@ -640,7 +642,7 @@ impl Observer {
         let shift = count.wrapping_sub(self.state.count);
         let from = self.state.from - shift.clamp(-8, 8) * COUNT;
         self.state = State { from, ..self.previous };
-        self.emf = self.motor.emf + self.state.emf_change;
+        self.rescale();
         self.enter(count);
     }
 

@@ -505,6 +505,43 @@ fn bounce_restores_the_state_before_its_edge() {
     }
 }
 
+/// What follows from the learned EMF and gain.
+const fn derived(observer: &Observer) -> [i32; 4] {
+    [observer.emf, observer.step, observer.inertia, observer.sure_gain]
+}
+
+/// An edge far from where the model has the rotor changes the gains by more than half.
+#[test]
+fn bounce_restores_the_gains_of_the_state_before_its_edge() {
+    for drive in [900, -900] {
+        let sign = i32::signum(drive);
+        let mut rig = Rig::turning(drive);
+        rig.run(200, steady(drive), volts(drive));
+        rig.still(1, volts(drive));
+        let (before, gains_before) = (rig.observer.state, derived(&rig.observer));
+        let directions = [Direction::Closing, Direction::Opening];
+        let [there, back] = if sign > 0 { directions } else { [Direction::Opening, Direction::Closing] };
+        let count = rig.observer.count();
+        let [first, second] = [100, 150].map(|us| rig.now.wrapping_add(Micros(us)));
+        rig.observer.edge(&edge(count + 2 * sign, there, first));
+        let between = derived(&rig.observer);
+        assert_ne!(between, gains_before, "{drive}: {before:?}");
+        rig.observer.edge(&HallEdge { bounce: true, ..edge(count, back, second) });
+        assert_eq!(derived(&rig.observer), gains_before, "{drive}: {between:?} between");
+    }
+}
+
+#[test]
+fn bounce_after_another_motor_was_described_restores_nothing_of_the_old_one() {
+    let mut rig = Rig::turning(900);
+    rig.run(200, steady(900) / 2, volts(900));
+    let other = Motor::new(&Config { mka: 2000, ..config() });
+    rig.observer.set_motor(other);
+    let bounce = edge(rig.observer.count() - 1, Direction::Opening, rig.now.wrapping_add(Micros(150)));
+    rig.observer.edge(&HallEdge { bounce: true, ..bounce });
+    assert_eq!(derived(&rig.observer), derived(&Observer::new(other, 0)));
+}
+
 /// The same run in both directions, with changes of voltage and of speed.
 #[test]
 fn opening_is_the_mirror_image_of_closing() {
