@@ -895,6 +895,7 @@ impl<B: Board> Tater<B> {
     /// Updates counters and temperature ten times a second. Feeds the watchdog only if the tick, the bus ([`Self::receive`] or
     /// [`Self::flush`]) and the storage ([`Self::store`]) ran since the last call.
     pub fn housekeeping(&mut self, now: Micros) {
+        self.commutator.age(now);
         self.update_counters(now);
         self.retain_rise(Start::Interrupted);
         if self.tick_ran && self.bus_served && self.storage_served {

@@ -129,6 +129,11 @@ impl Commutator {
         event
     }
 
+    /// See [`HallDecoder::age`].
+    pub fn age(&mut self, now: Micros) {
+        self.halls.age(now);
+    }
+
     /// The signed duty of the control tick; `None` switches the bridge off.
     pub const fn set(&mut self, duty: Option<Duty>) {
         self.duty = duty;

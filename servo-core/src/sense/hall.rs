@@ -151,6 +151,7 @@ pub struct HallDecoder {
     sector: Option<u8>,
     count: i32,
     direction: Direction,
+    /// Time of the last step; `None` if it is so long ago that it means nothing any more ([`HallDecoder::age`]).
     at: Option<Micros>,
     /// The last step was a jump, or came within [`CONFIRM`] of the one before: it may have been a glitch.
     doubtful: bool,
@@ -214,6 +215,12 @@ impl HallDecoder {
         follows.then_some(sector)
     }
 
+    /// Forgets the time of a step that is long ago. Must be called at least once an hour: the clock returns to that time after
+    /// 71.6 min, and a reversal then would look like a bounce.
+    pub fn age(&mut self, now: Micros) {
+        self.at = self.at.filter(|&last| now.wrapping_since(last).0 < STANDING.0);
+    }
+
     /// One sample of the lines (bits 2..0), at each change and at each control tick, which confirms a jump without an edge
     /// after it.
     #[inline]
@@ -270,7 +277,7 @@ impl HallDecoder {
                 self.pending = None;
                 None
             }
-            delta @ (-1 | 1) => Some(self.step(sector, delta, at, false)),
+            delta @ (-1 | 1) => Some(self.rare_step(sector, delta, at, false)),
             delta => self.jump(sector, delta, at),
         }
     }
@@ -296,11 +303,11 @@ impl HallDecoder {
             && at.wrapping_since(p.at).0 >= CONFIRM.0
         {
             match distance(p.sector, sector) {
-                0 => return Some(self.step(sector, p.delta, p.at, p.late)),
+                0 => return Some(self.rare_step(sector, p.delta, p.at, p.late)),
                 // The rotor moved on from there, which also gives the direction of three sectors.
                 on @ (-1 | 1) => {
                     let delta = if p.either { on * 4 } else { p.delta + on };
-                    return Some(self.step(sector, delta, at, p.late));
+                    return Some(self.rare_step(sector, delta, at, p.late));
                 }
                 _ => {}
             }
@@ -319,6 +326,12 @@ impl HallDecoder {
     /// undone.
     const fn likely_direction(&self) -> i8 {
         if self.doubtful { -self.direction.sign() } else { self.direction.sign() }
+    }
+
+    /// A step that is not [`Self::sample`]'s quick one: not inlined, for size.
+    #[inline(never)]
+    fn rare_step(&mut self, sector: u8, delta: i8, at: Micros, uncertain: bool) -> HallEvent {
+        self.step(sector, delta, at, uncertain)
     }
 
     #[inline]

@@ -283,6 +283,27 @@ fn count_and_clock_wrap() {
     assert!(edge.bounce, "31 µs across the wrap");
 }
 
+/// The clock returns to the time of the last step after 71.6 min.
+#[test]
+fn reversal_once_the_clock_has_wrapped_is_no_bounce() {
+    let (mut d, now) = running(2, 1);
+    let aged = |d: &mut HallDecoder| {
+        (1..=71).for_each(|minutes| d.age(Micros(now.wrapping_add(minutes * 60_000_000))))
+    };
+    for (us, doubtful) in [(0, false), (31, false), (99, false), (150, false)] {
+        let mut d = d;
+        aged(&mut d);
+        let Some(HallEvent::Step(edge)) = d.sample(code_at(1), Micros(now.wrapping_add(us))) else {
+            panic!("no step")
+        };
+        assert_eq!((edge.bounce, d.doubtful), (false, doubtful), "{us} µs");
+    }
+    // A step that is not long ago keeps its time.
+    d.age(Micros(now + 60));
+    let Some(HallEvent::Step(edge)) = d.sample(code_at(1), Micros(now + 99)) else { panic!("no step") };
+    assert!(edge.bounce);
+}
+
 proptest::proptest! {
     #[test]
     fn count_is_congruent_to_the_trusted_sector(samples in proptest::collection::vec((0..8_u8, 0..5000_u32), 0..200)) {

@@ -164,3 +164,23 @@ fn edge_reversed_before_its_interrupt_is_not_pending() {
     bench.tick_alone();
     assert_eq!(bench.tater.status().position.round(), count + 1);
 }
+
+/// 71.6 min later the clock is back at the time of the last edge.
+#[test]
+fn reversal_when_the_clock_has_wrapped_is_a_motion() {
+    for late_us in [20, 99, 300] {
+        let mut bench = Bench::new(1);
+        bench.tick_to(1);
+        let edge_at = bench.now.wrapping_add(Micros(1000_u32.wrapping_neg()));
+        for minutes in 1..=71 {
+            bench.now = edge_at.wrapping_add(Micros(minutes * 60_000_000));
+            bench.ticks(1);
+            let now = bench.now;
+            bench.tater.housekeeping(now);
+        }
+        // `tick_to` has its edge 100 µs after the last tick.
+        bench.now = edge_at.wrapping_add(Micros(late_us)).wrapping_add(Micros(100_u32.wrapping_neg()));
+        bench.tick_to(0);
+        assert!(bench.tater.status().velocity.round() < 0, "{late_us} µs");
+    }
+}
