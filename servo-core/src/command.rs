@@ -35,8 +35,11 @@ pub struct Drive {
 /// A host's command to a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Property MODE. Writing the current mode has no effect.
+    /// Property MODE. Writing the current mode has no effect, but that a move which MODE 5 has ordered, or continued, ends in a hold
+    /// (decision 0069).
     Mode(Mode),
+    /// MODE 5 of a host that expects HOLD to say what follows, as with [`Command::Move`].
+    MoveToEnd,
     /// Property T: torque of mode 2.
     Torque(Torque),
     /// Property V: velocity of mode 4.
@@ -45,7 +48,7 @@ pub enum Command {
     Position(i32),
     /// Property E: end position of a move in whole counts; re-plans a move under way.
     End(i32),
-    /// Property M: sets E and enters mode 5.
+    /// Property M: sets E and enters mode 5; HOLD says what follows.
     Move(i32),
     /// TC or TO: closes or opens until the motor stalls; with HOLD it then keeps pressing with MT.
     TorqueControlled {
@@ -84,6 +87,7 @@ impl Command {
             | Self::Velocity(_)
             | Self::Configure(_)
             | Self::Mode(_)
+            | Self::MoveToEnd
             | Self::TorqueControlled { .. }
             | Self::Home
             | Self::Find
@@ -105,6 +109,7 @@ impl Command {
             Self::Find => matches!(mode, Mode::Idle),
             Self::Position(_) => matches!(mode, Mode::Idle | Mode::Pid),
             Self::Mode(_)
+            | Self::MoveToEnd
             | Self::Velocity(_)
             | Self::End(_)
             | Self::Move(_)
@@ -123,7 +128,12 @@ impl Command {
     pub const fn moves(&self) -> bool {
         match self {
             Self::Mode(mode) => !matches!(mode, Mode::Idle),
-            Self::Torque(_) | Self::Move(_) | Self::TorqueControlled { .. } | Self::Home | Self::Find => true,
+            Self::Torque(_)
+            | Self::MoveToEnd
+            | Self::Move(_)
+            | Self::TorqueControlled { .. }
+            | Self::Home
+            | Self::Find => true,
             Self::Velocity(_)
             | Self::Position(_)
             | Self::End(_)

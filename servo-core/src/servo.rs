@@ -148,9 +148,10 @@ enum Goal {
     TorqueControlled {
         closing: bool,
     },
-    /// To E.
+    /// To E. `holds`: see [`Motion::Move`].
     Move {
         pid: PidState,
+        holds: bool,
     },
     Find,
     SeekStop,
@@ -196,8 +197,8 @@ enum Motion {
     TorqueControlled { closing: bool },
     /// After TC or TO stalled with HOLD: keeps pressing with MT and cannot stall again.
     Pressing { closing: bool },
-    /// Mode 5: a move to E.
-    Move { control: PositionLoop, breakaway: Breakaway, arrival: Arrival },
+    /// Mode 5: a move to E. `holds`: its end is a hold whatever HOLD is, because MODE ordered it (decision 0069).
+    Move { control: PositionLoop, breakaway: Breakaway, arrival: Arrival, holds: bool },
     /// FIND: the legs of one sector are held with this torque.
     Field(Torque),
     /// HI, until the second contact with the stop. `way`: what the stage has ordered, in counts/s · ms; it bounds its time.
@@ -645,11 +646,9 @@ impl Servo {
             Command::End(end) => self.set_end(end),
             Command::Move(end) => {
                 self.set_end(end);
-                match self.motion {
-                    Motion::Move { .. } | Motion::Starting { goal: Goal::Move { .. }, .. } => {}
-                    _ => self.replace(Goal::Move { pid: self.carried_pid() }),
-                }
+                self.move_to_end(false);
             }
+            Command::MoveToEnd => self.enter_mode_5(false),
             Command::TorqueControlled { closing } => self.replace(Goal::TorqueControlled { closing }),
             Command::Home => {
                 self.homed = false;
@@ -701,15 +700,34 @@ impl Servo {
     }
 
     fn set_mode(&mut self, mode: Mode) {
-        if mode == self.motion.mode() {
-            return;
-        }
         match mode {
+            Mode::Trapezoidal => self.enter_mode_5(true),
+            _ if mode == self.motion.mode() => {}
             Mode::Idle => self.terminate(),
             Mode::Torque => self.replace(Goal::Torque(Torque::ZERO)),
             Mode::Pid => self.replace(Goal::Position { at: None, pid: self.carried_pid() }),
             Mode::Velocity => self.replace(Goal::Velocity),
-            Mode::Trapezoidal => self.replace(Goal::Move { pid: self.carried_pid() }),
+        }
+    }
+
+    /// HI and FIND are in mode 5 at times, and go on.
+    fn enter_mode_5(&mut self, holds: bool) {
+        match self.motion {
+            Motion::Zero { .. }
+            | Motion::Field(_)
+            | Motion::Starting { goal: Goal::Zero | Goal::Find, .. } => {}
+            _ => self.move_to_end(holds),
+        }
+    }
+
+    /// A move under way goes on; it ends as its last order says.
+    fn move_to_end(&mut self, holds: bool) {
+        match &mut self.motion {
+            Motion::Move { holds: held, .. }
+            | Motion::Starting { goal: Goal::Move { holds: held, .. }, .. } => {
+                *held = holds;
+            }
+            _ => self.replace(Goal::Move { pid: self.carried_pid(), holds }),
         }
     }
 
@@ -719,7 +737,7 @@ impl Servo {
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 control.pid
             }
-            Motion::Starting { goal: Goal::Position { pid, .. } | Goal::Move { pid }, .. } => *pid,
+            Motion::Starting { goal: Goal::Position { pid, .. } | Goal::Move { pid, .. }, .. } => *pid,
             _ => PidState::default(),
         }
     }
@@ -979,11 +997,12 @@ impl Servo {
             }
             Goal::TorqueControlled { closing } => self.motion = Motion::TorqueControlled { closing },
             Goal::SeekStop => self.motion = Motion::Home { stage: Homing::Seek, way: 0 },
-            Goal::Move { pid } => {
+            Goal::Move { pid, holds } => {
                 self.motion = Motion::Move {
                     control: PositionLoop::at_rest(position, pid),
                     breakaway: Breakaway::default(),
                     arrival: Arrival::of(false),
+                    holds,
                 };
             }
             Goal::Zero => {
@@ -1402,7 +1421,7 @@ impl Servo {
         self.applied = AppliedTorque::OFF;
     }
 
-    /// Ends the motion as HOLD says.
+    /// Ends the motion as HOLD says, or in a hold if MODE 5 ordered it.
     fn finish(&mut self, reason: EndReason) {
         let mut pressing = None;
         match (&self.motion, reason) {
@@ -1418,9 +1437,13 @@ impl Servo {
             }
             _ => {}
         }
-        // Every fault idles, and so does any end with HOLD 0 (manual 5.5).
+        let holds = match self.motion {
+            Motion::Move { holds: true, .. } if reason != EndReason::Aborted => true,
+            _ => self.tuning.config.hold,
+        };
+        // Every fault idles, and so does any other end with HOLD 0 (manual 5.5).
         self.velocity_wanted = CountsPerSec::ZERO;
-        if reason == EndReason::Fault || !self.tuning.config.hold {
+        if reason == EndReason::Fault || !holds {
             self.idle();
         } else if let Some(pressing) = pressing {
             self.motion = pressing;

@@ -152,13 +152,14 @@ impl Bench {
     }
 }
 
-fn commands() -> [(Command, &'static str); 17] {
+fn commands() -> [(Command, &'static str); 18] {
     [
         (Command::Mode(Mode::Idle), "MODE 0"),
         (Command::Mode(Mode::Torque), "MODE 2"),
         (Command::Mode(Mode::Pid), "MODE 3"),
         (Command::Mode(Mode::Velocity), "MODE 4"),
         (Command::Mode(Mode::Trapezoidal), "MODE 5"),
+        (Command::MoveToEnd, "MODE 5 as HOLD says"),
         (Command::Torque(Torque(100)), "T"),
         (Command::Velocity(CountsPerSec::from_int(-50)), "V"),
         (Command::Position(7), "P"),
@@ -189,7 +190,7 @@ fn every_mode_accepts_or_refuses_every_command() {
             assert_eq!(answer, if refused { Err(Refusal::Mode(mode)) } else { Ok(()) }, "{name} in {mode:?}");
             let after = match command {
                 Command::Mode(next) => next,
-                Command::Move(_) => Trap,
+                Command::Move(_) | Command::MoveToEnd => Trap,
                 Command::TorqueControlled { .. } | Command::Home => Vel,
                 Command::Terminate => Idle,
                 Command::Abort if mode != Idle => Pid,
@@ -251,6 +252,64 @@ fn move_arrives_then_holds_or_idles_by_hold() {
         assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
         let status = bench.servo.telemetry();
         assert_eq!((status.mode, status.end, status.position.round()), (after, Some(EndReason::Arrived), 60));
+    }
+}
+
+/// The ends of a motion, each brought about.
+const ENDS: [(EndReason, fn(&mut Bench)); 6] = [
+    (EndReason::Arrived, |_| ()),
+    (EndReason::Stalled, |_| ()),
+    (EndReason::Strain, |bench| bench.strain = 250),
+    (EndReason::Breakaway, |_| ()),
+    (EndReason::Fault, |bench| bench.bus = MilliVolts(40_000)),
+    (EndReason::Aborted, |bench| bench.servo.command(Command::Abort).unwrap()),
+];
+
+/// Orders a move to 60 and brings about its end, once it is under way. Returns the mode after it.
+fn mode_after(orders: &[Command], hold: bool, (reason, cause): (EndReason, fn(&mut Bench))) -> Mode {
+    let mut bench = Bench::new(Joint::Link);
+    let (hsg, bt) = (200, if reason == EndReason::Breakaway { 150 } else { 0 });
+    let config = Config { hold, hsg, bt, ..Joint::Link.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    bench.servo.command(Command::End(60)).unwrap();
+    for order in orders {
+        bench.servo.command(*order).unwrap();
+        (0..5).for_each(|_| _ = bench.tick());
+    }
+    bench.follow(20);
+    cause(&mut bench);
+    let ended = if matches!(reason, EndReason::Stalled | EndReason::Breakaway) {
+        // The rotor stays where it is.
+        (0..3000).find_map(|_| {
+            bench.tick();
+            bench.servo.telemetry().end
+        })
+    } else {
+        bench.follow(3000)
+    };
+    assert_eq!(ended, Some(reason), "{orders:?}, HOLD {hold}");
+    bench.servo.telemetry().mode
+}
+
+#[test]
+fn move_ordered_by_mode_5_ends_in_a_hold_and_any_other_as_hold_says() {
+    let (mode_5, end) = (Command::Mode(Mode::Trapezoidal), Command::Move(61));
+    for case in ENDS {
+        for hold in [false, true] {
+            let as_hold = if hold { Mode::Pid } else { Mode::Idle };
+            for orders in [&[end][..], &[Command::MoveToEnd], &[mode_5, end], &[mode_5, Command::MoveToEnd]] {
+                let expected = if case.0 == EndReason::Fault { Mode::Idle } else { as_hold };
+                assert_eq!(mode_after(orders, hold, case), expected, "{orders:?}, HOLD {hold}, {:?}", case.0);
+            }
+            for orders in [&[mode_5][..], &[end, mode_5], &[mode_5, Command::End(61)]] {
+                let expected = match case.0 {
+                    EndReason::Fault => Mode::Idle,
+                    EndReason::Aborted => as_hold,
+                    _ => Mode::Pid,
+                };
+                assert_eq!(mode_after(orders, hold, case), expected, "{orders:?}, HOLD {hold}, {:?}", case.0);
+            }
+        }
     }
 }
 

@@ -31,7 +31,7 @@ fn loaded() -> PidState {
 }
 
 fn to_end(control: PositionLoop) -> Motion {
-    Motion::Move { control, breakaway: Breakaway::default(), arrival: Arrival::of(false) }
+    Motion::Move { control, breakaway: Breakaway::default(), arrival: Arrival::of(false), holds: false }
 }
 
 fn to_zero(control: PositionLoop) -> Motion {
@@ -66,7 +66,7 @@ fn rows() -> [Row; 21] {
         of(starting(Goal::Position { at: None, pid }), Mode::Pid, false, false),
         of(starting(Goal::Velocity), Mode::Velocity, false, true),
         of(starting(Goal::TorqueControlled { closing: true }), Mode::Velocity, true, false),
-        of(starting(Goal::Move { pid }), Mode::Trapezoidal, true, false),
+        of(starting(Goal::Move { pid, holds: false }), Mode::Trapezoidal, true, false),
         of(starting(Goal::Find), Mode::Trapezoidal, true, false),
         of(starting(Goal::SeekStop), Mode::Velocity, true, false),
         of(starting(Goal::Zero), Mode::Trapezoidal, true, false),
@@ -245,7 +245,7 @@ fn move_without_a_way_ends_at_once_unless_the_motor_is_driven() {
         (0..400).for_each(|_| _ = bench.tick());
         bench.servo.applied.torque = Torque(torque);
         bench.servo.motion = Motion::Starting {
-            goal: Goal::Move { pid: PidState::default() },
+            goal: Goal::Move { pid: PidState::default(), holds: false },
             brake_ms: bench.servo.tuning.config.brake_ms,
         };
         let ended = (0..200).find(|_| {
@@ -547,7 +547,7 @@ fn motion_keeps_the_load_of_a_hold_or_move_that_it_replaces() {
         (to_end(loaded), true),
         (to_zero(loaded), true),
         (starting(Goal::Position { at: None, pid }), true),
-        (starting(Goal::Move { pid }), true),
+        (starting(Goal::Move { pid, holds: false }), true),
         (starting(Goal::Velocity), false),
         (Motion::Velocity, false),
         (Motion::Idle, false),
@@ -583,7 +583,9 @@ fn new_goal_waits_for_the_brake_only_as_long_as_it_has_to() {
 #[test]
 fn motion_is_due_when_its_brake_is_free() {
     let pid = PidState::default();
-    for goal in [Goal::Move { pid }, Goal::Zero, Goal::Velocity, Goal::Position { at: None, pid }] {
+    for goal in
+        [Goal::Move { pid, holds: false }, Goal::Zero, Goal::Velocity, Goal::Position { at: None, pid }]
+    {
         for brake_ms in [29, 30] {
             let bench = with(Motion::Starting { goal, brake_ms });
             assert_eq!(bench.servo.is_due(), brake_ms == 30, "{goal:?}");
@@ -608,7 +610,7 @@ fn move_stalls_at_once_only_towards_what_it_stalled_at() {
         let mut bench = Bench::new(Joint::Tip);
         stalled_for(&mut bench, stalled_closing, 300);
         bench.servo.end = end;
-        bench.servo.start(Goal::Move { pid: PidState::default() });
+        bench.servo.start(Goal::Move { pid: PidState::default(), holds: false });
         let reason = bench.servo.telemetry().end;
         assert_eq!(reason == Some(EndReason::Stalled), stalls, "{stalled_closing} {end}: {reason:?}");
     }
@@ -651,7 +653,9 @@ fn only_what_shapes_a_motion_plans_it_anew() {
         (|config| Config { ioff: 90, ..config }, false, true),
         (|config| Config { kp: 61, ..config }, false, false),
     ];
-    for (goal, is_zero) in [(Goal::Move { pid: PidState::default() }, false), (Goal::Zero, true)] {
+    for (goal, is_zero) in
+        [(Goal::Move { pid: PidState::default(), holds: false }, false), (Goal::Zero, true)]
+    {
         for (change, of_move, of_zero) in changes {
             let mut bench = Bench::new(Joint::Tip);
             bench.servo.end = 100;

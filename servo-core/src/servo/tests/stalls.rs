@@ -160,7 +160,7 @@ fn motion_sent_again_right_after_a_stall_stalls_at_once() {
             );
             let mut bench = blocked(kind);
             begin(&mut bench.servo);
-            while bench.servo.telemetry().mode != Mode::Idle {
+            while bench.servo.telemetry().end.is_none() {
                 bench.tick();
             }
             begin(&mut bench.servo);
