@@ -3,7 +3,7 @@
 //! Range and defaults of a parameter that is a board's property come from the property's row in `tater_wire`. Only what the language states in
 //! its own units is stated here: positions and distances in GCL counts, RealTime's formats, and the hand's parameters.
 
-use crate::units::gcl_from_thousands;
+use crate::units::gcl_thousands_from_revolutions;
 use tater_wire::{MotorKind, Property};
 
 /// The manual's section of a parameter.
@@ -63,7 +63,7 @@ pub enum Source {
         /// The language's defaults of link, spread and tip, GCL counts (manual 5.3): the boards' are their rounding.
         defaults: [i64; 3],
     },
-    /// A position that the board measures, in hall counts; or OD, in thousands of them.
+    /// A position that the board measures, in hall counts; or OD, in motor revolutions.
     Measured(Property),
     /// GOD's.
     Kept {
@@ -119,7 +119,7 @@ impl ParameterSpec {
     pub const fn max(&self) -> i64 {
         match self.source {
             Source::Board(property) => property.rules().max(),
-            Source::Measured(Property::OD) => gcl_from_thousands(Property::OD.rules().max()),
+            Source::Measured(Property::OD) => gcl_thousands_from_revolutions(Property::OD.rules().max()),
             Source::Counts { .. } | Source::Measured(_) => MAX_COUNTS,
             Source::Kept { max, .. } => max as i64,
             // All status codes at once.
@@ -185,7 +185,7 @@ motor! {
     "MSG", Movement, RW, Board(Property::HSG), "the same as HSG";
     "BD", Status, RO, Board(Property::BD), "whether the finger has broken away";
     "BP", Status, RO, Measured(Property::BP), "where the finger broke away last, counts";
-    "OD", Status, RO, Measured(Property::OD), "how far the motor has turned, counts, in steps of 55000";
+    "OD", Status, RO, Measured(Property::OD), "how far the motor has turned, 1000 counts";
     "P", Status, RO, Measured(Property::P), "position, counts";
     "S", Status, RO, Source::Status, "0: ready; otherwise a sum of status codes";
     "SG", Status, RO, Board(Property::SG), "strain";

@@ -129,7 +129,7 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
             .boards
             .get(motors, Property::OD)
             .await
-            .map(|_, thousands| units::gcl_from_thousands(thousands)),
+            .map(|_, revolutions| units::gcl_thousands_from_revolutions(revolutions)),
         Source::Measured(property) => {
             god.boards.get(motors, property).await.map(|_, halls| units::gcl_from_halls(halls))
         }

@@ -11,10 +11,10 @@ pub const fn gcl_from_halls(halls: i64) -> i64 {
     halls.saturating_mul(GCL_PER_HALL)
 }
 
-/// GCL counts of a distance in thousands of hall counts.
+/// Thousands of GCL counts in a distance in motor revolutions: 0.99 of it.
 #[must_use]
-pub const fn gcl_from_thousands(thousands: i64) -> i64 {
-    gcl_from_halls(thousands.saturating_mul(1000))
+pub const fn gcl_thousands_from_revolutions(revolutions: i64) -> i64 {
+    gcl_from_halls(revolutions.saturating_mul(MotorKind::COUNTS_PER_TURN)) / 1000
 }
 
 /// The hall count nearest to a GCL count, rounding halves up.
@@ -83,6 +83,16 @@ mod tests {
         }
         // 18200 · 39 / 147 and 12000 · 39 / 49.
         assert_eq!((tip_travel_along(18_200), tip_travel_against(12_000)), (4829, -9551));
+    }
+
+    #[test]
+    fn odometer_has_steps_of_one_thousand_gcl_counts() {
+        // Six moves of 18,000 and HI: 1964 hall counts and some.
+        assert_eq!(gcl_thousands_from_revolutions(110), 108);
+        let steps = (0..5000)
+            .map(|turns| gcl_thousands_from_revolutions(turns + 1) - gcl_thousands_from_revolutions(turns));
+        assert!(steps.into_iter().all(|step| (0..=1).contains(&step)));
+        assert_eq!(gcl_thousands_from_revolutions(u32::MAX.into()), 4_252_017_622);
     }
 
     #[test]

@@ -21,7 +21,8 @@
 //!
 //! The monitor is never downloaded, so it reads and writes this layout forever: it must find ID, ROLE and SN, and lose nothing
 //! when it stores them. **So the layout is frozen**: version 1 is the only one. A new value gets a property number of its own,
-//! and up to 32 bits. A program keeps the numbers that it does not know while all stored together are at most 48 (up to 127:
+//! and up to 32 bits. A new unit gets a number as well: OD is in revolutions where an entry of CTS says so, and in thousands of
+//! counts in journals of earlier programs, which [`Store::open`] converts (decision 0018). A program keeps the numbers that it does not know while all stored together are at most 48 (up to 127:
 //! the wire has no others). A new layout would get pages of its own; ID, ROLE and SN stay here.
 //!
 //! # Assumption
@@ -32,26 +33,26 @@
 //!
 //! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges wait for
 //! it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one
-//! property has 8 half-words, 0.42 ms; of all 51 that are stored up to 111, 5.9 ms; a complete one up to 121, 6.4 ms. An erase
+//! property has 8 half-words, 0.42 ms; of all 51 that are stored up to 111, 5.9 ms; a complete one up to 123, 6.5 ms. An erase
 //! takes 20 to 40 ms; it comes after a SAVE, not before, and only with the bridge off.
 //!
 //! # Endurance
 //!
 //! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages; all wear alike. Behind the
-//! longest complete record a page has room for 389 half-words.
+//! longest complete record a page has room for 387 half-words.
 //!
 //! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 51 x 8 = 408
 //!   half-words, a page and a twentieth, 640 erases a page. Saved by one command it is a quarter.
-//! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,730 erases a page. Moving all the
-//!   time as fast as a finger can (500 counts/s) is 26 million more for OD, 10,000 erases a page together. PTEMP only
-//!   rises: 1,250 half-words in its life.
+//! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,740 erases a page. OD is stored along with
+//!   it, and each 450 revolutions in between. Moving all the time as fast as a finger can (500 counts/s) is 21 million more,
+//!   8,700 erases a page together. PTEMP only rises: 1,250 half-words in its life.
 //! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 561, and 5,000 of
 //!   them are 900 erases a page.
 //! * The hot mark is two half-words each time that the winding gets hot and cools down, at least 5.5 s: at most 31,000 a day, which the
 //!   ring endures for 2.8 years without a pause.
 //! * With the bridge on without a pause nothing is erased. Six pages are ready then. Five last at least 32 h, or 6 h
 //!   of moving all the time, or five FSAVEs one by one. On the last, counters go in coarser steps (16 min,
-//!   120,000 counts, 1 °C), for another four days, or 21 h of moving. Then it is [`Progress::Waiting`] until the
+//!   1023 revolutions, 1 °C), for another four days, or 3.5 h of moving. Then it is [`Progress::Waiting`] until the
 //!   bridge is off, and what has not been stored by then goes with the power.
 
 mod numbers;
@@ -89,22 +90,27 @@ const OPEN: Numbers = {
 pub struct Counters {
     /// UPSECS: seconds with power on.
     pub upsecs: u32,
-    /// OD: thousands of counts travelled.
+    /// OD: motor revolutions travelled.
     pub odometer: u32,
     /// PTEMP: highest board temperature, 0.1 °C.
     pub ptemp: i16,
 }
 
 /// A counter is written when it is ahead of the flash by this much. This and what comes in 0.2 s, which are the next
-/// call of [`Store::count`] and a complete record and an erase before it is its turn, stay within [`LOSS`].
-const STEP: Counters = Counters { upsecs: 58, odometer: 6, ptemp: 1 };
+/// call of [`Store::count`] and a complete record and an erase before it is its turn, stay within [`LOSS`]. OD is also written
+/// with each UPSECS, so that a hand that moves little and loses its power each day keeps it.
+const STEP: Counters = Counters { upsecs: 58, odometer: 450, ptemp: 1 };
 
-/// The same on the last ready page.
-const SPARING: Counters = Counters { upsecs: 960, odometer: 120, ptemp: 10 };
+/// The same on the last ready page. A half-word holds no more revolutions.
+const SPARING: Counters = Counters { upsecs: 960, odometer: 1023, ptemp: 10 };
+const _: () = assert!(MOST == 1023);
 
-/// What a power cut takes of the counters at most: 60 s, 8,000 counts (7 thousands, and those that are not a thousand
-/// yet), 1.0 °C. In 0.2 s a motor makes at most 816 counts (V), and a board's temperature rises by less than 0.9 °C.
-pub const LOSS: Counters = Counters { upsecs: 60, odometer: 7, ptemp: 10 };
+/// What a power cut takes of the counters at most: 60 s, 9,000 counts (499 revolutions, and the rest of one), 1.0 °C; of a motor that
+/// has rested for 60 s none. In 0.2 s a motor makes at most 816 counts (V), and a board's temperature rises by less than 0.9 °C.
+pub const LOSS: Counters = Counters { upsecs: 60, odometer: 499, ptemp: 10 };
+
+/// Hall counts of a revolution.
+const TURN: i32 = 18;
 
 /// The result of one step of storing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,6 +135,8 @@ const P: u8 = Property::P.id();
 const HOT: u8 = Property::THERM.id();
 const UPSECS: u8 = Property::UPSECS.id();
 const OD: u8 = Property::OD.id();
+/// Says that OD is in units of that many hall counts.
+const UNIT: u8 = Property::CTS.id();
 const PTEMP: u8 = Property::PTEMP.id();
 
 /// A record that is being written. Its half-words before the CRC are in `Store::words`.
@@ -169,6 +177,8 @@ pub struct Store {
     changed: Numbers,
     counters: Counters,
     stored_counters: Counters,
+    /// OD is in revolutions, while the flash is read. Later it always is.
+    turns: bool,
     /// The counters are stored by their least growth, once.
     counters_due: bool,
     /// The wanted hot mark, and the one in the flash; `None` if that may read either way: it is being removed, or could not be
@@ -196,6 +206,7 @@ impl Store {
             changed: Numbers::NONE,
             counters: Counters::default(),
             stored_counters: Counters::default(),
+            turns: true,
             counters_due: false,
             hot: false,
             stored_hot: Some(false),
@@ -224,8 +235,20 @@ impl Store {
             let end = self.replay(flash, page);
             self.pages.ends_at(flash, end);
         }
+        if !self.turns {
+            self.convert_odometer();
+        }
         self.stored_counters = self.counters;
         self.stored_hot = Some(self.hot);
+    }
+
+    /// Takes OD for thousands of counts, and queues it as revolutions together with their unit.
+    fn convert_odometer(&mut self) {
+        let thousands = self.counters.odometer;
+        // 1000/18 = 500/9.
+        let turns = (thousands / 9).saturating_mul(500).saturating_add(thousands % 9 * 500 / 9);
+        self.reset_counters(Counters { odometer: turns, ..self.counters });
+        self.changed.insert(UNIT);
     }
 
     /// Whether something that was stored is void: a page or its last record that cannot be read. A power cut leaves this as well, if it came in
@@ -421,6 +444,7 @@ impl Store {
         if found.head.complete {
             self.values.clear();
             self.counters = Counters::default();
+            self.turns = false;
             self.hot = false;
         }
         let mut has_position = found.head.complete;
@@ -430,6 +454,7 @@ impl Store {
                 UPSECS => self.counters.upsecs = count.cast_unsigned(),
                 OD => self.counters.odometer = count.cast_unsigned(),
                 PTEMP => self.counters.ptemp = i16::try_from(count).unwrap_or(0),
+                UNIT => self.turns = count == TURN,
                 HOT => self.hot = count != 0,
                 _ => self.put(id, value),
             }
@@ -490,9 +515,11 @@ impl Store {
         let enough = |ahead: u32, step: u32| {
             (ahead >= step).then(|| u16::try_from(ahead).map_or(MOST, |ahead| ahead.min(MOST)))
         };
-        enough(now.upsecs.saturating_sub(stored.upsecs), step.upsecs)
-            .map(Word::Time)
-            .or_else(|| enough(now.odometer.saturating_sub(stored.odometer), step.odometer).map(Word::Travel))
+        let time = enough(now.upsecs.saturating_sub(stored.upsecs), step.upsecs);
+        let travel = if time.is_some() { LEAST.odometer } else { step.odometer };
+        enough(now.odometer.saturating_sub(stored.odometer), travel)
+            .map(Word::Travel)
+            .or_else(|| time.map(Word::Time))
             .or_else(|| {
                 enough(u32::try_from(rise).unwrap_or(0), step.ptemp.unsigned_abs().into()).map(Word::Heat)
             })
@@ -533,6 +560,7 @@ impl Store {
                 UPSECS => Some(self.counters.upsecs.cast_signed()),
                 OD => Some(self.counters.odometer.cast_signed()),
                 PTEMP => Some(i32::from(self.counters.ptemp)),
+                UNIT => Some(TURN),
                 HOT => Some(1),
                 _ => self.values.get(id),
             };
@@ -542,6 +570,7 @@ impl Store {
         if complete {
             numbers = self.values.numbers();
             COUNTERS.into_iter().for_each(|id| numbers.insert(id));
+            numbers.insert(UNIT);
             if self.hot {
                 numbers.insert(HOT);
             }

@@ -60,7 +60,8 @@ const REPORT_BREAKAWAYS: u8 = 2;
 
 /// Counts per motor revolution.
 const REV: i32 = 18;
-const _: () = assert!(REV == 18 && COUNTS_PER_REV == 18, "the estimator has the same");
+const TURN: u32 = 18;
+const _: () = assert!(REV == 18 && TURN == 18 && COUNTS_PER_REV == 18, "the estimator has the same");
 
 /// STAT of a board that is awake. A SET of it clears ERROR.
 const READY: i64 = 2;
@@ -137,7 +138,7 @@ pub struct Tater<B: Board> {
     storage_served: bool,
     housekeeping_at: Micros,
     second_us: u32,
-    /// Counts traveled that are not a whole thousand yet.
+    /// Counts traveled that are not a whole revolution yet.
     traveled: u32,
 }
 
@@ -913,10 +914,10 @@ impl<B: Board> Tater<B> {
         let board_temp = self.board.analog().board_temp.0;
         let mut counters = self.store.counters();
         counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
-        counters.odometer = counters.odometer.saturating_add(self.traveled / 1000);
+        counters.odometer = counters.odometer.saturating_add(self.traveled / TURN);
         // `count` keeps the maximum.
         counters.ptemp = board_temp;
-        self.traveled %= 1000;
+        self.traveled %= TURN;
         self.store.count(counters);
     }
 

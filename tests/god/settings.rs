@@ -406,3 +406,30 @@ fn fget_p_sets_the_base_of_position_changes() {
     assert_answers(&mut session, &[("1M 2750", ""), ("1FGET P", "2750")]);
     assert_eq!(change(&mut session), [b'*', 0]);
 }
+
+/// Manual 5.3.2: the counts traveled, divided by 1000, in the language's counts, and kept for good.
+#[test]
+fn od_counts_thousands_of_counts_and_never_decreases() {
+    let mut session = Session::new();
+    assert_answers(&mut session, &[("1FGET OD", "0"), ("X1HI", "")]);
+    let read = |session: &mut Session| session.run("X1FGET OD").parse::<i64>().expect("a number");
+    let mut read_so_far = vec![read(&mut session)];
+    for round in 0..6 {
+        assert_answers(&mut session, &[(if round % 2 == 0 { "X1M 18000" } else { "X1M 0" }, "")]);
+        read_so_far.push(read(&mut session));
+    }
+    let way: Vec<i64> = read_so_far.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // 18,000 counts within MPE at either end, and a count of the rest.
+    assert!(way.iter().all(|way| (17..=19).contains(way)), "{read_so_far:?}");
+    // HI: 12 counts from the stop and back, and 25 to zero: 49 hall counts of 55.
+    assert!((2..=4).contains(&read_so_far[0]), "{read_so_far:?}");
+    assert!((108..=112).contains(&read_so_far[6]), "{read_so_far:?}");
+    // A motor that has rested for a minute loses none of it with its power.
+    session.wait_us(61_000_000);
+    let node = session.hand.bus_mut().station_mut(0).expect("motor 1");
+    node.power_off();
+    node.power_on();
+    session.wait_us(100_000);
+    assert_answers(&mut session, &[("WAKE", "")]);
+    assert_eq!(read(&mut session), read_so_far[6]);
+}

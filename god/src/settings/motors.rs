@@ -236,9 +236,9 @@ mod tests {
     use crate::testing::type_line;
 
     #[test]
-    fn od_reads_in_gcl_counts() {
-        // 3000 hall counts.
-        assert_eq!(type_line("1FGET OD", |_, _, _| Some(3)).0, "\r\n\r165000\r\n\r=> ");
+    fn od_reads_in_thousands_of_gcl_counts() {
+        // 110 revolutions of 18 hall counts are 108,900 GCL counts.
+        assert_eq!(type_line("1FGET OD", |_, _, _| Some(110)).0, "\r\n\r108\r\n\r=> ");
     }
 
     #[test]

@@ -28,8 +28,8 @@ pub const TAIL: usize = 2;
 /// Maximum number of stored properties: 51 now, and room for those of other versions.
 pub const STORED: usize = 54;
 
-/// Maximum entries of a record: the stored properties, three counters and the hot mark.
-pub const ENTRIES: usize = STORED + 4;
+/// Maximum entries of a record: the stored properties, three counters, the unit of OD and the hot mark.
+pub const ENTRIES: usize = STORED + 5;
 
 /// Maximum half-words of a record before its CRC: every entry has at most three.
 pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;

@@ -162,8 +162,8 @@ fn save_takes_the_stated_half_words() {
         finish(store, flash);
         flash.programmed - before
     };
-    // The first record is a complete one: head 4, counters 3 x 2, properties 2 each, and ACCEL, TSTOP and HOSTMS 1 more, CRC 2.
-    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 3 * 2 + 51 * 2 + 3 + 2);
+    // The first record is a complete one: head 4, counters and the unit of OD 4 x 2, properties 2 each, and ACCEL, TSTOP and HOSTMS 1 more, CRC 2.
+    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 4 * 2 + 51 * 2 + 3 + 2);
     assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 0, "nothing has changed");
     assert_eq!(save(|p| p.row().max - 1, &mut store, &mut flash), 4 + 51 * 2 + 3 + 2);
     store.set(Property::X0, 5);
@@ -172,7 +172,7 @@ fn save_takes_the_stated_half_words() {
     store.reset_counters(Counters { upsecs: 1 << 31, odometer: 1 << 20, ptemp: 900 });
     finish(&mut store, &mut flash);
     store.record(true);
-    assert_eq!(store.words.len() + record::TAIL, 4 + 3 + 3 + 2 + 51 * 2 + 3 + 2);
+    assert_eq!(store.words.len() + record::TAIL, 4 + 3 + 3 + 2 + 2 + 51 * 2 + 3 + 2);
     assert_eq!(Store::open(&flash).counters(), store.counters());
 }
 
@@ -232,9 +232,9 @@ fn erase_waits_while_the_bridge_is_on() {
         }
         records += 1;
     }
-    // Eight pages: each half-words for a mark, a complete record of 14, and (512 - 15) / 8 = 62 others. One
+    // Eight pages: each half-words for a mark, a complete record of 16, and (512 - 17) / 8 = 61 others. One
     // existed already.
-    assert_eq!(records, 8 * 63 - 1);
+    assert_eq!(records, 8 * 62 - 1);
     assert_eq!(flash.erased, erased);
     let last = store.get(Property::X0);
     assert_eq!(
@@ -280,7 +280,7 @@ fn numbers_of_another_version_are_kept_or_skipped() {
 #[test]
 fn unknown_numbers_give_way_to_known_ones() {
     let head = Head { sequence: 7, complete: true, trusted: None };
-    let own = |id: &u8| Property::is_stored(*id) || COUNTERS.contains(id) || *id == HOT;
+    let own = |id: &u8| Property::is_stored(*id) || COUNTERS.contains(id) || [HOT, UNIT].contains(id);
     let others = (0..128).filter(|id| !own(id));
     let words = encode(&head, &mut others.take(STORED).map(|id| (id, Some(9))));
     let mut flash = Ram::default();
@@ -633,16 +633,16 @@ fn half_programmed_mark_is_distrusted_and_completed() {
 #[test]
 fn counters_are_stored_when_due_and_decrease_only_when_set() {
     let (mut store, mut flash) = fresh();
-    store.count(Counters { upsecs: 57, odometer: 5, ptemp: 0 });
+    store.count(Counters { upsecs: 57, odometer: 449, ptemp: 0 });
     assert_eq!(finish(&mut store, &mut flash), 0);
-    let all = Counters { upsecs: 58, odometer: 5, ptemp: 250 };
+    let all = Counters { upsecs: 58, odometer: 449, ptemp: 250 };
     store.count(all);
     store.count(Counters { upsecs: 3, odometer: 1, ptemp: -70 });
     assert_eq!(store.counters(), all);
     finish(&mut store, &mut flash);
     assert_eq!(Store::open(&flash).counters(), all, "the first record has them all");
-    // 5,000 s more take 5 half-words of up to 1,023 s, 2,000 thousands 2.
-    store.count(Counters { upsecs: 5058, odometer: 2005, ptemp: 253 });
+    // 5,000 s more take 5 half-words of up to 1,023 s, 2,000 revolutions 2.
+    store.count(Counters { upsecs: 5058, odometer: 2449, ptemp: 253 });
     assert_eq!(finish(&mut store, &mut flash), 5 + 2 + 1);
     assert_eq!(Store::open(&flash).counters(), store.counters());
     let back = Counters { upsecs: 10, odometer: 0, ptemp: -55 };
@@ -746,4 +746,78 @@ fn save_counters_stores_any_growth_in_a_half_word_each() {
     store.save_counters();
     finish(&mut store, &mut flash);
     assert_eq!((flash.programmed, Store::open(&flash).counters()), (before + 3, store.counters()));
+}
+
+#[test]
+fn odometer_is_stored_along_with_the_time_or_each_450_revolutions() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X5, 1);
+    finish(&mut store, &mut flash);
+    let mut stored = |upsecs, odometer| {
+        store.count(Counters { upsecs, odometer, ptemp: 0 });
+        let before = flash.programmed;
+        finish(&mut store, &mut flash);
+        (flash.programmed - before, Store::open(&flash).counters().odometer)
+    };
+    assert_eq!(stored(57, 3), (0, 0));
+    assert_eq!(stored(58, 3), (2, 3));
+    assert_eq!(stored(58 + 57, 452), (0, 3));
+    assert_eq!(stored(58 + 57, 453), (1, 453));
+    assert_eq!(stored(2 * 58, 453), (1, 453), "nothing has moved");
+}
+
+/// A journal of an earlier program: OD in thousands of counts, as growths and in the complete record.
+fn old_journal(thousands: u32, growths: &[u16]) -> Ram {
+    let head = Head { sequence: 7, complete: true, trusted: None };
+    let entries = [(UPSECS, 100), (OD, thousands.cast_signed()), (PTEMP, 250), (Property::X5.id(), 42)];
+    let mut words = encode(&head, &mut entries.into_iter().map(|(id, value)| (id, Some(value))));
+    words.extend(growths.iter().map(|&growth| Word::Travel(growth).encode()));
+    let mut flash = Ram::default();
+    flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+    flash
+}
+
+#[test]
+fn odometer_of_an_earlier_program_becomes_revolutions_once() {
+    for (thousands, growths, turns) in [
+        (0, &[][..], 0),
+        (18, &[], 1000),
+        (600, &[6, 3], 609_000 / 18),
+        // More than 32 bits of revolutions.
+        (u32::MAX, &[], u32::MAX),
+    ] {
+        let mut flash = old_journal(thousands, growths);
+        let mut store = Store::open(&flash);
+        assert_eq!(store.counters().odometer, turns);
+        assert_eq!(Store::open(&flash).counters().odometer, turns, "the same again until it is stored");
+        // It turns on before that is in the flash.
+        let grown = turns.saturating_add(500);
+        store.count(Counters { odometer: grown, ..store.counters() });
+        let mut seen = Vec::new();
+        while store.step(&mut flash, false) == Progress::More {
+            seen.push(Store::open(&flash).counters().odometer);
+            assert!(seen.len() < 100);
+        }
+        assert!(seen.iter().all(|&odometer| odometer == turns || odometer == grown), "{seen:?}");
+        let store = Store::open(&flash);
+        assert_eq!(
+            (store.counters(), store.get(Property::X5)),
+            (Counters { upsecs: 100, odometer: grown, ptemp: 250 }, Some(42))
+        );
+        assert!(store.changed.is_empty(), "nothing is left to convert");
+    }
+}
+
+/// A program that knows no unit keeps the entry, and so the meaning of what it counts.
+#[test]
+fn unit_of_the_odometer_survives_page_changes() {
+    let mut flash = old_journal(18, &[]);
+    let mut store = Store::open(&flash);
+    finish(&mut store, &mut flash);
+    for round in 0..200 {
+        store.set(Property::X5, round);
+        finish(&mut store, &mut flash);
+        assert_eq!(Store::open(&flash).counters().odometer, 1000, "{round}");
+    }
+    assert!(flash.erased > 0);
 }

@@ -16,7 +16,7 @@ pub const MOST: u16 = (1 << AMOUNT_BITS) - 1;
 pub enum Word {
     /// UPSECS grew by so many seconds.
     Time(u16),
-    /// OD grew by so many thousands of counts.
+    /// OD grew by so many revolutions; in journals of earlier programs by so many thousands of counts.
     Travel(u16),
     /// PTEMP rose by so many tenths of a degree.
     Heat(u16),

@@ -340,7 +340,7 @@ table! {
     STAT = 5, 16, ReadWrite, No, "-", 0..=2, Same(0),
         "0 in the monitor, waiting for firmware; 1 must not be used; 2 ready. SET 0 resets into the monitor, SET 2 wakes, or clears ERROR";
     MODE = 8, 16, ReadWrite, No, "-", 0..=5, Same(0),
-        "control mode, see the mode table; 1 is refused";
+        "control mode, see the mode table; 1 is refused; a move that 5 orders ends in 3";
     TEMP = 9, 16, ReadOnly, No, "0.1 C", -550..=1250, None,
         "temperature of the board";
     PTEMP = 10, 16, Locked, Always, "0.1 C", -550..=1250, Same(0),
@@ -418,13 +418,13 @@ table! {
     CT = 56, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(331, 169, 331),
         "close target: where CMD C goes";
     M = 58, 32, WriteOnly, No, "counts", -32767..=32767, None,
-        "E and MODE 5 in one";
+        "E and a move to it in one; HOLD says how it ends";
     DS = 60, 16, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 15, 25),
         "default step of CMD IC and IO";
     UPSECS = 63, 32, Locked, Always, "s", 0..=4294967295, Same(0),
         "time with power on, ever";
-    OD = 64, 32, Locked, Always, "1000 counts", 0..=4294967295, Same(0),
-        "odometer: counts travelled, ever";
+    OD = 64, 32, Locked, Always, "revolutions", 0..=4294967295, Same(0),
+        "odometer: way of the motor in both directions, ever; CTS counts a revolution";
     MECH = 66, 32, ReadOnly, No, "counts", 0..=17, None,
         "position within one motor revolution";
     CTS = 68, 32, ReadOnly, No, "counts", 18..=18, Same(18),
@@ -442,7 +442,7 @@ table! {
     MPE = 76, 16, ReadWrite, Yes, "counts", 0..=32767, Same(4),
         "arrival window";
     HOLD = 77, 16, ReadWrite, Yes, "-", 0..=1, Kinds(0, 1, 0),
-        "after a move: 1 holds the position, 0 idles";
+        "after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either";
     TSTOP = 78, 16, ReadWrite, Yes, "ms", 0..=65535, Kinds(300, 400, 300),
         "no count for this long while driven is a stall; 0 never";
     // Gains and BT were set by hand over plants of ±30 %; the manual has none. `hil-sim tune` keeps the gains of links and tips

@@ -51,7 +51,7 @@ fn noise() -> SimFlash {
 /// Counters of a board that moves much, after so many seconds.
 fn counted(seconds: u32) -> Counters {
     let ptemp = i16::try_from(seconds / 100).unwrap_or(i16::MAX);
-    Counters { upsecs: seconds, odometer: seconds / 3, ptemp }
+    Counters { upsecs: seconds, odometer: 18 * seconds, ptemp }
 }
 
 fn one_by_one(values: fn(Property) -> i64, how_many: usize, store: Act) -> Vec<Act> {
