@@ -172,7 +172,8 @@ impl<'a> Boards<'a> {
         Self { io, boards: RefCell::default(), asked_us: Cell::new(0) }
     }
 
-    /// Asks for a property and waits. Boards that do not answer in time have no value.
+    /// Asks for a property and waits. Boards that do not answer in time have no value. Of MODE and END a board may send two values meanwhile,
+    /// its answer and the report of an end: the first is taken, the second is noted as a report.
     pub async fn get(&self, motors: Motors, property: Property) -> Answers {
         let mut answers = Answers::default();
         for _ in 0..TRIES {
@@ -186,7 +187,9 @@ impl<'a> Boards<'a> {
             while !motors.difference(answers.motors()).is_empty() {
                 let Some(frame) = self.io.receive(deadline).await else { break };
                 match parse_report(&frame) {
-                    Some((motor, id, value)) if id == property && motors.has(motor) => {
+                    Some((motor, id, value))
+                        if id == property && motors.has(motor) && answers.get(motor).is_none() =>
+                    {
                         self.log_answer(motor, property, value);
                         answers.set(motor, value);
                     }

@@ -156,6 +156,8 @@ pub(crate) async fn report_ends(god: &God<'_>) {
             continue;
         }
         god.session.unwatch(Motors::only(motor));
+        // A board reports MODE before END: a mode that came before it may be that of the motion.
+        let mode = god.boards.take_reported(motor).mode.unwrap_or(mode);
         packets::reply(god, motor, Property::MODE, mode).await;
         god.prompt().await;
     }

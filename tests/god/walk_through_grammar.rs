@@ -68,13 +68,68 @@ fn end_of_motion_is_reported_between_lines() {
     session.hand.push_rx(b"4 G");
     session.wait_us(3_000_000);
     session.hand.push_rx(b" M\r");
-    // Links do not hold.
-    assert_eq!(unsolicited(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
+    // Links hold too, whatever HOLD is (decision 0069).
+    assert_eq!(unsolicited(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=3\n=> \n4 MODE=3\n=> ");
     // Only motions that this grammar started are reported, each once.
     let node = Node::new(4).expect("the spread");
     session.hand.io().push_frame(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
     session.wait_us(10_000);
     assert_eq!(session.hand.take_tx(), b"");
+}
+
+/// Moves the first link there or back by this grammar, and types a question whose line end is sent `at_us` after the order. Returns the answer
+/// to it, and the report of the end, if one comes within half a second.
+fn move_and_ask(session: &mut Session, there: bool, question: &str, at_us: u64) -> (String, Option<String>) {
+    assert_answers(session, &[(if there { "1 S E 6" } else { "1 S E 0" }, "")]);
+    session.run("1 S M 5");
+    let begun_us = session.hand.now_us();
+    session.hand.push_rx(question.as_bytes());
+    session.wait_us(begun_us + at_us - session.hand.now_us());
+    session.hand.push_rx(b"\r");
+    let answer = unsolicited(session);
+    let report = session.try_read_to_prompt(500_000).ok().map(|(text, _)| text.replace("\r\n\r", "\n"));
+    (answer, report)
+}
+
+/// The time from the order until the board has ended the move, us.
+fn move_us(session: &mut Session, there: bool) -> u64 {
+    assert_answers(session, &[(if there { "1 S E 6" } else { "1 S E 0" }, ""), ("1 S M 5", "")]);
+    let begun_us = session.hand.now_us();
+    while mode(session, 1) != Mode::Pid {
+        session.wait_us(100);
+    }
+    let taken_us = session.hand.now_us() - begun_us;
+    unsolicited(session);
+    taken_us
+}
+
+/// Board and host ask and report at the same moment: 240 of them, 100 us apart, before and after the end of a move. A board's answer must not be taken for
+/// its report, nor the other way round.
+#[test]
+fn end_that_comes_during_a_g_mode_is_reported() {
+    // A line end takes a millisecond at 9600 baud, and the seven answers another.
+    const EARLIER_US: u64 = 7_000;
+    for question in ["1 G MODE", "1234567 G MODE"] {
+        let mut session = Session::new();
+        assert_answers(&mut session, &[("WAKE", "")]);
+        let took_us = [true, false].map(|there| move_us(&mut session, there));
+        let (mut moving, mut lost) = (0, Vec::new());
+        for phase in 0..120 {
+            let there = phase % 2 == 0;
+            let at_us = took_us[usize::from(!there)] - EARLIER_US + 100 * phase;
+            let (answer, report) = move_and_ask(&mut session, there, question, at_us);
+            moving += usize::from(answer.contains("1 MODE=5"));
+            if report.as_deref() != Some("\n1 MODE=3\n=> ") {
+                lost.push((phase, answer, report));
+            }
+        }
+        println!(
+            "figure: {question}: {moving} of 120 questions before the end of the move; reports lost: {}",
+            lost.len()
+        );
+        assert_eq!(lost, [], "{question}");
+        assert!((20..100).contains(&moving), "both sides of the end: {moving} of 120");
+    }
 }
 
 /// OTEMP applies to this grammar too. Orders that end a motion are not refused.
