@@ -1006,6 +1006,7 @@ impl Servo {
                 };
             }
             Goal::Zero => {
+                self.stall.forget();
                 self.motion = Motion::Zero {
                     control: PositionLoop::at_rest(position, PidState::default()),
                     arrival: Arrival::of(false),
