@@ -20,6 +20,7 @@ const E: u8 = 52;
 const HOLD: u8 = 77;
 
 const HI: i32 = 13;
+const O: i32 = 20;
 
 /// Looks at a board, and wakes it, with the board's time to leave and to join the bus.
 fn wake<S: Station>(host: &mut Host<S>, nodes: &[u16]) {
@@ -74,9 +75,15 @@ fn moves_in_every_mode<S: Station>(host: &mut Host<S>, nodes: &[u16]) {
         host.set(node, E, 60);
     }
     host.set(GROUP, MODE, 5);
-    wait_until_done(host, nodes, &holds);
+    wait_until_done(host, nodes, &vec![1; nodes.len()]);
     for &node in nodes {
         assert!((host.get(node, P) - 60).abs() <= 4, "node {node}");
+    }
+    // O, by CMD, whose end HOLD says.
+    host.set(GROUP, CMD, O);
+    wait_until_done(host, nodes, &holds);
+    for &node in nodes {
+        assert!(host.get(node, P).abs() <= 4, "node {node}");
     }
     // Positions, in mode 3.
     host.set(GROUP, MODE, 3);

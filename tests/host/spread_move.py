@@ -125,7 +125,7 @@ def main(address):
             check(read == value, f"property {prop} is {value}: {read}")
 
         positions = move(host, 160)
-        check(host.get(SPREAD, MODE) == PID, "HOLD 1: it holds its position after the move")
+        check(host.get(SPREAD, MODE) == PID, "it holds its position after a move that MODE 5 orders")
         check(host.get(SPREAD, END) == ARRIVED, f"it has arrived: END {host.get(SPREAD, END)}")
         positions.append(host.get(SPREAD, P))
         check(positions == sorted(positions), f"positions rise: {positions}")

@@ -185,11 +185,44 @@ fn e_then_mode_5_moves() {
         assert!(host.bus.now_us() < begun + 2_000_000, "{positions:?}");
     }
     assert!(positions.is_sorted() && positions.len() > 100, "{positions:?}");
-    assert_eq!(host.get(4, Property::MODE), Some(3), "HOLD 1");
+    assert_eq!(host.get(4, Property::MODE), Some(3), "held");
     assert_eq!(host.get(4, Property::END), Some(1), "arrived");
     let reached = host.get(4, Property::P).expect("an answer");
     assert!((reached - 160).abs() <= 4, "within MPE: {reached}");
     assert_eq!(host.get(1, Property::P), Some(0), "the others have not moved");
+}
+
+/// The walk-through's step 11, and hosts that read mode 0 as done.
+#[test]
+fn move_that_mode_5_orders_ends_in_mode_3_and_any_other_as_hold_says() {
+    for node in [1, 4, 5] {
+        let mut host = Host::awake([node]);
+        let orders: [(&str, fn(&mut Host, u8, i64)); 4] = [
+            ("MODE 5", |host, node, end| {
+                host.set(to(node), Property::E, end);
+                host.set(to(node), Property::MODE, 5);
+            }),
+            ("M", |host, node, end| host.set(to(node), Property::M, end)),
+            ("CMD M", |host, node, end| {
+                host.set(to(node), Property::DP, end);
+                host.set(to(node), Property::CMD, 19);
+            }),
+            ("MODE 5 of a move by M", |host, node, end| {
+                host.set(to(node), Property::M, end);
+                host.set(to(node), Property::MODE, 5);
+            }),
+        ];
+        for (round, hold) in [0, 1].into_iter().enumerate() {
+            host.set(to(node), Property::HOLD, hold);
+            for (number, (name, order)) in orders.iter().enumerate() {
+                order(&mut host, node, [20, 40][(number + round) % 2]);
+                assert_eq!(host.get(node, Property::MODE), Some(5), "{name} of {node}");
+                host.poll(node, Property::END, 1, 10, 3_000);
+                let after = if name.starts_with("MODE 5") { 3 } else { 3 * hold };
+                assert_eq!(host.get(node, Property::MODE), Some(after), "{name} of {node}, HOLD {hold}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -116,7 +116,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_STAT = 5,
     /*
-     control mode, see the mode table; 1 is refused
+     control mode, see the mode table; 1 is refused; a move that 5 orders ends in 3
      */
     WRAPTOR_PROPERTY_MODE = 8,
     /*
@@ -272,7 +272,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_CT = 56,
     /*
-     E and MODE 5 in one; unit: counts
+     E and a move to it in one; HOLD says how it ends; unit: counts
      */
     WRAPTOR_PROPERTY_M = 58,
     /*
@@ -284,7 +284,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_UPSECS = 63,
     /*
-     odometer: counts travelled, ever; unit: 1000 counts
+     odometer: way of the motor in both directions, ever; CTS counts a revolution; unit: revolutions
      */
     WRAPTOR_PROPERTY_OD = 64,
     /*
@@ -320,7 +320,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_MPE = 76,
     /*
-     after a move: 1 holds the position, 0 idles
+     after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either
      */
     WRAPTOR_PROPERTY_HOLD = 77,
     /*

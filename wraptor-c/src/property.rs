@@ -22,7 +22,7 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_ERROR = 4,
     /// 0 in the monitor, waiting for firmware; 1 must not be used; 2 ready. SET 0 resets into the monitor, SET 2 wakes, or clears ERROR
     WRAPTOR_PROPERTY_STAT = 5,
-    /// control mode, see the mode table; 1 is refused
+    /// control mode, see the mode table; 1 is refused; a move that 5 orders ends in 3
     WRAPTOR_PROPERTY_MODE = 8,
     /// temperature of the board; unit: 0.1 C
     WRAPTOR_PROPERTY_TEMP = 9,
@@ -100,13 +100,13 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_OT = 54,
     /// close target: where CMD C goes; unit: counts
     WRAPTOR_PROPERTY_CT = 56,
-    /// E and MODE 5 in one; unit: counts
+    /// E and a move to it in one; HOLD says how it ends; unit: counts
     WRAPTOR_PROPERTY_M = 58,
     /// default step of CMD IC and IO; unit: counts
     WRAPTOR_PROPERTY_DS = 60,
     /// time with power on, ever; unit: s
     WRAPTOR_PROPERTY_UPSECS = 63,
-    /// odometer: counts travelled, ever; unit: 1000 counts
+    /// odometer: way of the motor in both directions, ever; CTS counts a revolution; unit: revolutions
     WRAPTOR_PROPERTY_OD = 64,
     /// position within one motor revolution; unit: counts
     WRAPTOR_PROPERTY_MECH = 66,
@@ -124,7 +124,7 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_IOFF = 74,
     /// arrival window; unit: counts
     WRAPTOR_PROPERTY_MPE = 76,
-    /// after a move: 1 holds the position, 0 idles
+    /// after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either
     WRAPTOR_PROPERTY_HOLD = 77,
     /// no count for this long while driven is a stall; 0 never; unit: ms
     WRAPTOR_PROPERTY_TSTOP = 78,

@@ -275,7 +275,9 @@ fn send_command(command: &Command, node: &mut Node) -> Result<(), SetError> {
         Command::Abort if holds(node) => (Property::MODE, ModeCode::Pid.into()),
         Command::Abort => (Property::MODE, ModeCode::Idle.into()),
         // Not available in scenarios.
-        Command::Configure(_) | Command::ClearBreakaway => return Err(SetError::Unknown),
+        Command::Configure(_) | Command::ClearBreakaway | Command::MoveToEnd => {
+            return Err(SetError::Unknown);
+        }
     };
     set(node, property, value)
 }

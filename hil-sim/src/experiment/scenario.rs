@@ -184,6 +184,7 @@ impl std::fmt::Display for Action {
                 Command::Configure(_) => f.write_str("configure"),
                 Command::ClearFault => f.write_str("clear fault"),
                 Command::ClearBreakaway => f.write_str("clear breakaway"),
+                Command::MoveToEnd => f.write_str("mode trapezoidal, as HOLD says"),
             },
             Self::Set(rows) => {
                 let words: Vec<_> =

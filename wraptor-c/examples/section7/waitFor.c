@@ -2,8 +2,6 @@
 
 static void example(SOCKET g)
 {
-    /* Only a motor that holds its position after a move goes to MODE_PID. */
-    set(g, "567", WRAPTOR_PROPERTY_HOLD, 1);
     set(g, "567", TRAP_END_POSITION, 50);
     set(g, "567", CONTROL_MODE, MODE_TRAPEZOIDAL);
     /* Wait for the Control Mode to be MODE_PID */

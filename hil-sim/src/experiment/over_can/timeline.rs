@@ -175,7 +175,7 @@ fn as_property(command: &Command, board: &BoardView) -> Option<(Property, i64, (
             ((Property::MODE, mode_code(to).into()), mode(to))
         }
         // Not available in scenarios.
-        Command::Configure(_) | Command::ClearBreakaway => return None,
+        Command::Configure(_) | Command::ClearBreakaway | Command::MoveToEnd => return None,
     };
     Some((property, value, echo))
 }

@@ -222,7 +222,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "hold-as-ordered",
-        "after a motion HOLD 1 holds, HOLD 0 idles",
+        "after a motion HOLD 1 holds, HOLD 0 idles; a move that MODE 5 ordered holds with either",
         "manual 5.5",
         Kinds::NONE,
         Check::Program(ending::hold),

@@ -6,7 +6,7 @@ use servo_core::{EndReason, Event};
 use tater_fw::events::BoardEvent;
 use tater_wire::Property;
 
-use super::joint::{Ending, Joint, View};
+use super::joint::{Ending, Joint, Orderer, View};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// HI stalls after this time at least (decision 0009), ms.
@@ -248,8 +248,15 @@ pub fn arrived(joint: &mut Joint, view: &View) -> Option<String> {
     (off > most).then(|| format!("arrived {off:.1} counts from E {end}, MPE is {}", tater.config().mpe))
 }
 
-pub fn hold(_: &mut Joint, view: &View) -> Option<String> {
-    let (tater, _) = view.application()?;
+pub fn hold(joint: &mut Joint, view: &View) -> Option<String> {
+    let (tater, sample) = view.application()?;
+    let before = std::mem::replace(&mut joint.ending.mode, sample.status.mode);
+    for event in view.events {
+        if let BoardEvent::Order { property, value } = event {
+            joint.ending.orderer = joint.ending.orderer.after(*property, *value, before);
+        }
+    }
+    let orderer = joint.ending.orderer;
     let hold = tater.config().hold;
     if view.events.iter().any(|event| matches!(event, BoardEvent::Order { .. } | BoardEvent::Refused { .. }))
     {
@@ -258,10 +265,16 @@ pub fn hold(_: &mut Joint, view: &View) -> Option<String> {
     }
     view.events.iter().find_map(|event| {
         let BoardEvent::Motor(Event::Ended { reason, mode }) = event else { return None };
-        let idles = !hold || *reason == EndReason::Fault;
+        if orderer == Orderer::Unknown {
+            return None;
+        }
+        let held = hold || orderer == Orderer::Mode && *reason != EndReason::Aborted;
+        let idles = !held || *reason == EndReason::Fault;
         // FIND idles always.
         let good =
             (*mode == Mode::Idle) == idles || *mode == Mode::Idle && !view.sample.as_ref()?.status.homed;
-        (!good).then(|| format!("HOLD is {hold}, but the mode after {reason:?} is {mode:?}"))
+        (!good).then(|| {
+            format!("HOLD is {hold}, ordered by {orderer:?}, but the mode after {reason:?} is {mode:?}")
+        })
     })
 }

@@ -127,12 +127,40 @@ impl Default for Power {
     }
 }
 
+/// Who has ordered the motion under way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Orderer {
+    /// M, CMD and others: HOLD says what follows.
+    #[default]
+    Other,
+    /// MODE 5: a hold follows (decision 0069).
+    Mode,
+    /// MODE 5 in mode 5, where it may have met a move or a part of HI or FIND.
+    Unknown,
+}
+
+impl Orderer {
+    /// The one after an order, given in mode `before`.
+    pub fn after(self, property: Property, value: i32, before: Mode) -> Self {
+        match property {
+            Property::MODE if value != 5 => Self::Other,
+            Property::MODE if before != Mode::Trapezoidal || self == Self::Mode => Self::Mode,
+            Property::MODE => Self::Unknown,
+            Property::CMD | Property::M | Property::FIND => Self::Other,
+            _ => self,
+        }
+    }
+}
+
 #[derive(Debug, Default)]
 pub struct Ending {
     /// Ends since the last order that may begin a motion.
     pub ends: u32,
     /// The last end was followed by a hold.
     pub holds: bool,
+    /// Who has ordered the motion under way, and the mode of the last tick.
+    pub orderer: Orderer,
+    pub mode: Mode,
     /// Ticks for which a stop has held the driven rotor, and TSTOP's largest value meanwhile.
     pub held_ms: u64,
     pub tstop: u64,
