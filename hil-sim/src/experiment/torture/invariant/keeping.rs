@@ -2,6 +2,7 @@
 
 use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
+use tater_fw::storage::LOSS;
 use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{FaultCode, Property};
 
@@ -61,9 +62,10 @@ pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
     {
         return None;
     }
-    // A start takes what was stored: at most 60 s, 7 thousand counts and 1.0 C are lost (decision 0018), and nothing by STAT 0.
+    // A start takes what was stored: a bounded loss (decision 0018), and nothing by STAT 0.
     let was_ordered = std::mem::take(&mut keeping.slept) && !std::mem::take(&mut keeping.cut);
-    let loss = if restarted && !was_ordered { [60, 7, 10] } else { [0; 3] };
+    let most = [i64::from(LOSS.upsecs), i64::from(LOSS.odometer), i64::from(LOSS.ptemp)];
+    let loss = if restarted && !was_ordered { most } else { [0; 3] };
     if restarted && std::mem::take(&mut keeping.damaged) {
         return None;
     }
