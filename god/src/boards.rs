@@ -489,6 +489,23 @@ mod tests {
     }
 
     #[test]
+    fn second_value_of_a_motor_while_others_are_awaited_is_a_report() {
+        let io = Io::default();
+        let boards = Boards::new(&io);
+        let answers = Cell::new(None);
+        let two = Motors::only(motor(1)).union(Motors::only(motor(2)));
+        let mut question = pin!(async { answers.set(Some(boards.get(two, Property::MODE).await)) });
+        io::poll(question.as_mut(), &io, 0);
+        for (number, mode) in [(1, 5), (1, 3), (2, 5)] {
+            io.push_frame(&report(number, Property::MODE, mode));
+        }
+        io::poll(question.as_mut(), &io, 1000);
+        let answers = answers.take().expect("both have answered");
+        assert_eq!([1, 2].map(|number| answers.get(motor(number))), [Some(5), Some(5)]);
+        assert_eq!([1, 2].map(|number| boards.take_reported(motor(number)).mode), [Some(3), None]);
+    }
+
+    #[test]
     fn answers_ahead_are_complete_with_all_that_is_wanted() {
         let wanted = |position, velocity, strain| Ahead { position, velocity, strain };
         let found = Ahead { position: Some(1), velocity: Some(2), strain: None };
