@@ -20,6 +20,7 @@ mod tcp;
 mod waiting;
 
 pub use tcp::configure_tcp;
+pub(crate) use tcp::negotiates_telnet;
 
 /// Chunks that wait for the caller; then the reader waits, and the other side with it.
 const CHUNKS: usize = 256;

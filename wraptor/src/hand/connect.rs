@@ -8,7 +8,7 @@ use tater_wire::Node;
 use super::{BoardState, Hand};
 use crate::deadline::Deadline;
 use crate::error::{CallError, Cause, ConnectError, Failure, beginning};
-use crate::port::Port;
+use crate::port::{Port, negotiates_telnet};
 use crate::session::Session;
 
 /// The first firmware version that this library knows.
@@ -119,6 +119,9 @@ fn find_prompt(session: &mut Session, deadline: &Deadline) -> Result<(), Cause> 
     let outcome = session.until_prompt(deadline).map(drop);
     let text = session.take_text();
     let received = beginning(&text);
+    if negotiates_telnet(&text) {
+        return Err(Cause::Telnet);
+    }
     if let Some((_, by)) = received.split_once(REFUSAL) {
         return Err(Cause::InUse(by.trim().to_owned()));
     }

@@ -33,6 +33,12 @@ pub fn configure_tcp(stream: &TcpStream) -> io::Result<()> {
     Ok(())
 }
 
+/// Whether bytes that have arrived hold an option of Telnet (RFC 854): IAC, WILL, WONT, DO or DONT, and a number. A device server sends them
+/// first; neither a hand's text nor SLCAN has a byte above 127.
+pub(crate) fn negotiates_telnet(bytes: &[u8]) -> bool {
+    bytes.windows(2).any(|pair| matches!(pair, [255, 251..=254]))
+}
+
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use std::io::{BufRead, BufReader};
