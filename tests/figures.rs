@@ -251,7 +251,7 @@ fn readme_has_the_times_of_full_travel() {
     let (arrival, overshoot) = (ms("spread-full-travel"), spread.overshoot_counts.expect("a move"));
     claim(
         "README.md",
-        "| spread, full travel | {} ms, overshoot under {} hall counts (manual: {} s) |",
+        "| spread, full travel | {} ms, overshoot {} hall counts (manual: {} s) |",
         &[Near(arrival), AtMost(overshoot), Near(0.88)],
     );
     claim("README.md", "drawn by the simulator: {} s, the manual's figure.*", &[Near(arrival / 1000.0)]);

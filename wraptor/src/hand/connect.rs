@@ -8,7 +8,7 @@ use tater_wire::Node;
 use super::{BoardState, Hand};
 use crate::deadline::Deadline;
 use crate::error::{CallError, Cause, ConnectError, Failure, beginning};
-use crate::port::{Port, negotiates_telnet};
+use crate::port::Port;
 use crate::session::Session;
 
 /// The first firmware version that this library knows.
@@ -119,7 +119,7 @@ fn find_prompt(session: &mut Session, deadline: &Deadline) -> Result<(), Cause> 
     let outcome = session.until_prompt(deadline).map(drop);
     let text = session.take_text();
     let received = beginning(&text);
-    if negotiates_telnet(&text) {
+    if session.negotiates_telnet() {
         return Err(Cause::Telnet);
     }
     if let Some((_, by)) = received.split_once(REFUSAL) {

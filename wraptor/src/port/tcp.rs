@@ -39,8 +39,10 @@ pub(crate) fn negotiates_telnet(bytes: &[u8]) -> bool {
     bytes.windows(2).any(|pair| matches!(pair, [255, 251..=254]))
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
 mod tests {
+    #![cfg(target_os = "linux")]
+
     use std::io::{BufRead, BufReader};
     use std::process::{Command, Stdio};
     use std::time::Duration;

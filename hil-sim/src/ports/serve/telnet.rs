@@ -118,7 +118,9 @@ impl Telnet {
                 }
                 State::Data
             }
-            (State::Sub(_, true), END_OF_SUBNEGOTIATION) | (State::Sub(MAX_SUBNEGOTIATION.., _), _) => State::Data,
+            (State::Sub(_, true), END_OF_SUBNEGOTIATION) | (State::Sub(MAX_SUBNEGOTIATION.., _), _) => {
+                State::Data
+            }
             (State::Sub(len, was_iac), _) => State::Sub(len + 1, byte == IAC && !was_iac),
         };
     }
@@ -170,7 +172,8 @@ mod tests {
         }
         // A command may come in pieces.
         let mut telnet = Telnet::default();
-        let pieces: String = b"\xFF\xFD\x01\xFF\xF4C".iter().map(|&byte| heard(&mut telnet, &[byte], 0, false)).collect();
+        let pieces: String =
+            b"\xFF\xFD\x01\xFF\xF4C".iter().map(|&byte| heard(&mut telnet, &[byte], 0, false)).collect();
         assert_eq!(pieces, "<252 1><!>C");
     }
 
@@ -197,7 +200,9 @@ mod tests {
             // The rest of a block that TCP has split.
             let rest: String = data.iter().map(|&byte| char::from(byte)).collect();
             assert_eq!(heard(&mut telnet, &data, 1_000_000 + SILENCE_US - 1, true), rest);
-            assert!(heard(&mut telnet, b"\xFF\xF4\xFF\xF2", 1_000_000 + 2 * SILENCE_US, true).starts_with("<!>"));
+            assert!(
+                heard(&mut telnet, b"\xFF\xF4\xFF\xF2", 1_000_000 + 2 * SILENCE_US, true).starts_with("<!>")
+            );
         }
         // In a packet with a wrong length, and after one that has broken off.
         assert_eq!(of_text(b"\0\x01\x09\x05\xFF\xF4"), "\0\u{1}\u{9}\u{5}<!>");

@@ -1,4 +1,4 @@
-//! Clients that vanish without a FIN, as with a pulled cable: the next one is served seconds later.
+//! Clients that vanish without a FIN, as with a pulled cable: the next one is served seconds later. And Telnet clients.
 #![cfg(target_os = "linux")]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -108,4 +108,46 @@ fn watchers_that_have_vanished_give_their_places_back() {
         // These are refused at once.
         assert!((0..ATTEMPTS * 100).find(answer).is_some(), "the places of four tools stay taken");
     }
+}
+
+fn read_to(stream: &mut TcpStream, end: &[u8]) -> Vec<u8> {
+    let (mut answer, mut byte) = (Vec::new(), [0]);
+    while !answer.ends_with(end) {
+        assert_eq!(stream.read(&mut byte).ok(), Some(1), "{}", String::from_utf8_lossy(&answer));
+        answer.push(byte[0]);
+    }
+    answer
+}
+
+#[test]
+fn telnet_options_are_refused_and_its_stops_stop() {
+    let served = serve(&["hand", "--listen", "127.0.0.1:0", "--no-discovery"], 1);
+    let mut stream = TcpStream::connect(format!("127.0.0.1:{}", served.ports[0])).expect("it listens");
+    stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a limit");
+    let mut say = |bytes: &[u8], end: &[u8]| {
+        stream.write_all(bytes).expect("written");
+        read_to(&mut stream, end)
+    };
+    say(b"\r", b"=> ");
+    // DO ECHO, WILL NAWS, and its subnegotiation with a 0x03 in it.
+    let answer = say(b"\xFF\xFD\x01\xFF\xFB\x1F\xFF\xFA\x1F\0\x03\0\x18\xFF\xF0VERS\r\0", b"=> ");
+    let text = String::from_utf8_lossy(&answer).into_owned();
+    for refusal in [[255, 252, 1], [255, 254, 31]] {
+        assert!(answer.windows(3).any(|bytes| bytes == refusal), "{text}");
+    }
+    assert!(text.contains("VERS\r\n\r60") && !text.contains("ERR"), "{text}");
+    // Interrupt Process alone, with its mark, Break, and Interrupt Process behind a packet that has broken off.
+    for stop in [&b"\xFF\xF4"[..], b"\xFF\xF4\xFF\xF2", b"\xFF\xF3", b"\x04\x04\x0B\xFF\xF4"] {
+        // Without the stop the prompt is two minutes away.
+        say(b"WAIT 60000\rWAIT 60000\r", b"WAIT 60000");
+        let text = String::from_utf8_lossy(&say(stop, b"=> ")).into_owned();
+        assert!(text.contains("ERR 16384"), "{stop:?}: {text}");
+    }
+    // In RealTime, where a block would begin.
+    say(b"HI\r", b"=> ");
+    say(b"1LOOP\r", b"*");
+    say(b"\xFF\xF4", b"=> ");
+    // Packets keep their 0xFF: no prompt, and GOD still answers.
+    let text = String::from_utf8_lossy(&say(b"\x00\x01\x04\xAD\x00\xFF\xF4VERS\r", b"=> ")).into_owned();
+    assert!(text.contains("VERS\r\n\r60") && !text.contains("ERR"), "{text}");
 }
