@@ -52,6 +52,8 @@ pub enum Heard {
 pub struct Telnet {
     state: State,
     framing: Framing,
+    /// After a NUL where a line could begin, such as that of CR NUL: no packet goes on with 0xFF.
+    is_after_nul: bool,
     /// Time of the last byte, µs.
     last_us: u64,
 }
@@ -87,7 +89,7 @@ impl Telnet {
     }
 
     fn accept_text(&mut self, byte: u8, each: &mut impl FnMut(Heard)) {
-        let is_in_packet = self.framing.is_open() && !self.framing.is_discarding();
+        let is_in_packet = self.framing.is_open() && !self.framing.is_discarding() && !self.is_after_nul;
         self.state = match (self.state, byte) {
             (State::Data, IAC) if !is_in_packet => State::Command,
             (State::Data, _) => {
@@ -126,7 +128,7 @@ impl Telnet {
     }
 
     fn pass(&mut self, byte: u8, each: &mut impl FnMut(Heard)) {
-        let _: Kind = self.framing.accept(byte);
+        self.is_after_nul = self.framing.accept(byte) == Kind::Head && byte == 0;
         each(Heard::Byte(byte));
     }
 }
@@ -162,6 +164,7 @@ mod tests {
             (b"\xFF\xFC\x01\xFF\xFE\x03C\r", "C\r"),
             (b"FG\xFF\xF1ET\xFF\xF9 P\r", "FGET P\r"),
             (b"HI\r\xFF\xF4\xFF\xF2VERS\r", "HI\r<!>VERS\r"),
+            (b"HI\r\0\xFF\xF4\xFF\xFD\x01C", "HI\r\0<!><252 1>C"),
             (b"\xFF\xF3", "<!>"),
             (b"\xFF\xEE", "<!>"),
             (b"\xFF\xFA\x1F\x00\x50\x03\xFF\xFF\x18\xFF\xF0C\r", "C\r"),
