@@ -51,7 +51,7 @@ impl Source {
 }
 
 /// The workspace's root. Read at run time, so that a built binary can check another checkout.
-fn root() -> PathBuf {
+pub fn root() -> PathBuf {
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_else(|_| env!("CARGO_MANIFEST_DIR").into());
     Path::new(&manifest).parent().expect("tests/ lies in the workspace").to_path_buf()
 }

@@ -4,6 +4,7 @@ mod arrival;
 mod chart;
 mod emulated;
 mod fences;
+mod figures;
 mod god;
 mod halls;
 mod heat;

@@ -4,6 +4,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 
 use hil_sim::board::SimBoard;
+use hil_sim::configure_tcp;
 use hil_sim::hand::serial::Serial;
 use hil_sim::hand::{Hand, Motorized};
 use hil_sim::plant::Model;
@@ -49,7 +50,7 @@ pub fn serve<S: Motorized>(listener: &TcpListener, hand: &mut Hand<S>) -> io::Re
         let (mut host, _) = listener.accept()?;
         let mut line = Serial::new(false);
         // A host that cannot be set up, or fails, has left.
-        let set_up = host.set_nodelay(true).and_then(|()| host.set_nonblocking(true));
+        let set_up = configure_tcp(&host).and_then(|()| host.set_nonblocking(true));
         while set_up.is_ok() && exchange(&mut host, &mut line, hand).is_ok() {}
         line.hang_up(hand);
         // The output of what the hang-up aborts is not for the next host.

@@ -31,3 +31,5 @@ pub use tater_wire::MotorKind;
 pub use tuning::{apply, excite, identify, parquet, sweep, table, tune, tuned};
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};
+/// For every TCP connection that a server of the simulator accepts.
+pub use wraptor::configure_tcp;

@@ -7,7 +7,7 @@
 //! hexadecimal, upper case.
 //!
 //! The encoder writes, and [`Dialect::Ti`] accepts, the profile that hosts have downloaded for years:
-//! addresses of 8 digits, at most 32 bytes a record, no symbols, lines of 79 characters that end with CR LF.
+//! addresses of 8 digits, at most 32 bytes a record, no symbols. The encoder's lines of 79 characters end with CR LF.
 //! [`Dialect::Gnu`] adds what GNU objcopy and srecord write.
 //!
 //! GNU objcopy (tested: binutils 2.40) differs in three ways. It sees data only inside a section, which is a
@@ -25,7 +25,7 @@ mod file;
 pub use character::value;
 pub use decode::{Decoder, MAX_DATA, Record};
 pub use encode::{DATA_BYTES, Encoder, Line, end};
-pub use error::{TekError, TekErrorKind};
+pub use error::{Foreign, TekError, TekErrorKind};
 pub use file::{Dialect, MAX_LINE, Reader};
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ import csv
 import importlib.metadata
 import itertools
 import math
+import os
 import sys
 import xml.etree.ElementTree as ElementTree
 
@@ -206,6 +207,11 @@ def main():
     for name, (worst_mm, worst_lever) in found.items():
         lever = "" if worst_lever is None else f", worst entry of a Jacobian {worst_lever:.1e} m/rad"
         print(f"{name}: {len(poses)} poses, worst fingertip {worst_mm:.1e} mm{lever}")
+    # The figure of the README, which has two digits.
+    readme = open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../README.md"), encoding="utf-8").read()
+    stated = float(readme.split("| off by ")[1].split(" mm at worst")[0])
+    worst_mm = max(mm for mm, _ in found.values())
+    check(stated / 2 < worst_mm <= 1.05 * stated, f"README.md: off by {stated} mm at worst, found {worst_mm:.1e}")
     for name, (worst_mm, worst_lever) in found.items():
         check(worst_mm <= MOST_MM, f"{name}: {worst_mm} mm, expected {MOST_MM} at most")
         check(worst_lever is None or worst_lever <= MOST_M_PER_RAD, f"{name}: {worst_lever} m/rad, expected {MOST_M_PER_RAD} at most")

@@ -23,6 +23,15 @@ set.KP = [60, 120, 240]
 plant.inertia = { from = "0.7x", to = "1.4x" }
 """
 
+# The module that writes each kind of page, and a page of it below. A kind without one fails the check.
+KINDS = {
+    "experiment/report/page.rs": ["a/report.html", "ident/residuals.html"],
+    "tuning/compare.rs": ["compare.html"],
+    "tuning/sweep/report.rs": ["sweep/report.html"],
+    "ports/tune_report.rs": ["tune/report.html"],
+    "tuning/bode/page.rs": ["bode/bode.html"],
+}
+
 CHARTS = "[...document.querySelectorAll('figure[data-chart]')]"
 
 
@@ -264,7 +273,35 @@ def no_script(browser, path):
     check(found[0] is False and found[1] > 5, f"static charts: {found}")
 
 
+def kinds(root):
+    """The modules that write pages."""
+    found = set()
+    for folder, _, names in os.walk(os.path.join(root, "hil-sim/src")):
+        for name in names:
+            path = os.path.join(folder, name)
+            text = open(path, encoding="utf-8").read().split("mod tests")[0]
+            if name.endswith(".rs") and "Sheet::new(" in text:
+                found.add(os.path.relpath(path, os.path.join(root, "hil-sim/src")))
+    return found
+
+
+def published(root):
+    """Pages that the documents show."""
+    found = []
+    for folder, _, names in os.walk(os.path.join(root, "docs")):
+        found += [os.path.join(folder, name) for name in sorted(names) if name.endswith(".html")]
+    return found
+
+
+def bounded(browser, path):
+    """No axis has more labels than anyone can read: one of millions ends the tab."""
+    most = browser.value(f"Math.max(...{CHARTS}.map(f => f.querySelectorAll('svg[tabindex] text.tick').length))")
+    check(most <= 200, f"{path}: a chart has {most} labels")
+
+
 def main(hil_sim, chromium, pictures=None):
+    root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    check(kinds(root) == set(KINDS), f"a page of each kind is opened: {sorted(kinds(root) ^ set(KINDS))}")
     with tempfile.TemporaryDirectory() as folder, Browser(chromium) as browser:
         def run(*args):
             # 1: an expectation failed, which some of these do.
@@ -278,12 +315,20 @@ def main(hil_sim, chromium, pictures=None):
         with open(os.path.join(folder, "sweep.toml"), "w", encoding="utf-8") as file:
             file.write(SWEEP)
         run("sweep", "sweep.toml", "--out", "sweep")
-        run("tune", "--motor", "spread", "--objective", "step", "--robust", "10", "--candidates", "40", "--out", "tune")
+        # All objectives: their charts have different axes, of time and of frequency.
+        run("tune", "--motor", "link", "--objective", "all", "--robust", "4", "--candidates", "6", "--unseen", "20", "--out", "tune")
+        run("excite", "--motor", "tip", "--out", "excited.csv")
+        run("identify", "excited.csv", "--motor", "tip", "--out", "ident")
         run("bode", "--motor", "spread", "--mode", "position", "--realizations", "4", "--out", "bode")
         place = lambda name: os.path.join(folder, name)
-        for name in ["a/report.html", "compare.html", "sweep/report.html", "tune/report.html", "bode/bode.html"]:
+        for name in sorted(sum(KINDS.values(), [])):
             everywhere(browser, place(name), pictures)
+            bounded(browser, place(name))
             print(f"{name}: {own_bytes(place(name)) // 1000} kB and {(os.path.getsize(place(name)) - own_bytes(place(name))) // 1000} kB of numbers")
+        for path in published(root):
+            everywhere(browser, path, pictures)
+            bounded(browser, path)
+            print(f"{os.path.relpath(path, root)}: {own_bytes(path) // 1000} kB beside the numbers")
         for name in ["a/report.html", "compare.html"]:
             browser.open(place(name))
             zoom(browser)

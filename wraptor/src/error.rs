@@ -44,6 +44,8 @@ pub enum Cause {
     HungUp(String),
     /// What answers is no hand, or no SLCAN adapter. Holds the beginning of what it sent.
     NotAHand(String),
+    /// A device server that speaks Telnet is between, which doubles 0xFF in packets and RealTime.
+    Telnet,
     /// The hand's firmware is another. Holds what VERS printed.
     WrongFirmware {
         /// What VERS printed.
@@ -84,6 +86,7 @@ impl Cause {
             }
             Self::HungUp(_) => "check that this is the hand's port, and connect again",
             Self::NotAHand(_) => "check the address, the port and the baud rate: something else answers",
+            Self::Telnet => "set the device server's port to raw TCP, without Telnet (RFC 2217)",
             Self::WrongFirmware { .. } => {
                 "download this project's firmware, or use the library of that version"
             }
@@ -117,6 +120,7 @@ impl fmt::Display for Cause {
             }
             Self::HungUp(why) => write!(f, "the connection ended: {why}"),
             Self::NotAHand(received) => write!(f, "no hand answers: received {received:?}"),
+            Self::Telnet => write!(f, "a device server answers that negotiates Telnet options"),
             Self::WrongFirmware { found, expected } => {
                 write!(f, "firmware {found:?}, expected {expected} or later")
             }

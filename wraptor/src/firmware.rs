@@ -13,15 +13,30 @@ use tater_wire::tek::{Dialect, Reader, Record, TekError};
 /// What erased flash holds, and so what no record brings.
 const ERASED: u8 = 0xFF;
 
-const AGAIN: &str = "encode the image again";
+const COPY: &str = "copy the file again from where it came from";
+const WORDS: [&str; 2] = [
+    "firmware of another processor, whose addresses are those of words: `cargo xtask tek decode --bytes-per-address 2` reads it",
+    "firmware of another processor, whose addresses are those of words: `cargo xtask tek decode --bytes-per-address 4` reads it",
+];
 const REBUILD: &str = "build the image for the application's addresses and encode it again";
 const SEAL: &str = "encode it again with `cargo xtask tek encode --seal VERSION`";
+
+/// A place in a file, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct At {
+    /// Line, empty ones included.
+    pub line: u32,
+    /// Character of the line.
+    pub column: u32,
+    /// Number of the record.
+    pub record: u32,
+}
 
 /// Why a file is none that a board takes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FirmwareError {
-    /// Line and column, from 1; `None` for the image as a whole.
-    pub at: Option<(u32, u32)>,
+    /// `None` for the image as a whole.
+    pub at: Option<At>,
     /// What was found, and what is expected.
     pub found: String,
     /// The next step of a user.
@@ -30,8 +45,8 @@ pub struct FirmwareError {
 
 impl fmt::Display for FirmwareError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some((line, column)) = self.at {
-            write!(f, "{line}:{column}: record {line}: ")?;
+        if let Some(At { line, column, record }) = self.at {
+            write!(f, "{line}:{column}: record {record}: ")?;
         }
         write!(f, "{}\n  next: {}", self.found, self.next_step)
     }
@@ -105,27 +120,51 @@ impl Contents {
     /// # Errors
     /// Its first defect.
     pub fn read(text: &[u8]) -> Result<Self, FirmwareError> {
-        let damaged = |TekError { line, column, kind, .. }: TekError| FirmwareError {
-            at: Some((line, column)),
+        Self::of_records(text).map(|(contents, _)| contents)
+    }
+
+    /// The contents, and the records as lines that end with CR LF: what a board downloads, whatever ends the file's lines.
+    fn of_records(text: &[u8]) -> Result<(Self, Vec<u8>), FirmwareError> {
+        let damaged = |TekError { record, line, column, kind }: TekError| FirmwareError {
+            at: Some(At { line, column, record }),
             found: kind.to_string(),
-            next_step: match kind.is_dialect() {
-                true => {
-                    "not the profile that boards download: `cargo xtask tek decode` reads it, `tek encode` writes that profile"
-                }
-                false => "copy the file again from where it came from, or encode the image again",
-            },
+            next_step: kind.is_dialect().then(|| words(text)).flatten().unwrap_or(kind.next_step()),
         };
-        let (mut reader, mut image) = (Reader::new(Dialect::Ti), Image::default());
-        for &byte in text {
-            if let Some(record) = reader.push(byte).map_err(damaged)? {
-                image.take(record)?;
+        let (mut reader, mut image, mut lines) = (Reader::new(Dialect::Ti), Image::default(), Vec::new());
+        for byte in text.iter().copied().map(Some).chain([None]) {
+            let record = match byte {
+                Some(byte) => reader.push(byte),
+                None => reader.finish(),
+            };
+            let Some(record) = record.map_err(damaged)? else { continue };
+            let taken = image.take(record);
+            if let Err((column, found, next_step)) = taken {
+                let at = Some(At { line: reader.line(), column, record: image.records });
+                return Err(FirmwareError { at, found, next_step: words(text).unwrap_or(next_step) });
+            }
+            lines.extend_from_slice(reader.characters());
+            lines.extend_from_slice(b"\r\n");
+        }
+        Ok((image.finish()?, lines))
+    }
+}
+
+/// The advice for a file whose addresses are those of words: each record begins where the one before it ends if 2 or 4 bytes count as one.
+fn words(text: &[u8]) -> Option<&'static str> {
+    let (mut reader, mut before) = (Reader::new(Dialect::Gnu), None);
+    for &byte in text {
+        let Some(Record::Data { address, bytes }) = reader.push(byte).ok()? else { continue };
+        let len = bytes.len() as u64;
+        if let Some((start, len)) = before.replace((address, len)) {
+            let step = address.checked_sub(start).filter(|&step| step > 0 && len % step == 0);
+            match step.map(|step| len / step) {
+                Some(2) => return Some(WORDS[0]),
+                Some(4) => return Some(WORDS[1]),
+                _ => {}
             }
         }
-        if let Some(record) = reader.finish().map_err(damaged)? {
-            image.take(record)?;
-        }
-        image.finish()
     }
+    None
 }
 
 #[derive(Default)]
@@ -136,47 +175,21 @@ struct Image {
     /// From the first address on, with what erased flash holds between records.
     bytes: Vec<u8>,
     first: u32,
+    /// The first addresses between records that no record brings.
+    gap: Option<RangeInclusive<u32>>,
 }
 
 impl Image {
-    fn take(&mut self, record: Record<'_>) -> Result<(), FirmwareError> {
+    /// Takes a record, or returns column, what was found and the next step.
+    fn take(&mut self, record: Record<'_>) -> Result<(), (u32, String, &'static str)> {
         self.records += 1;
-        let at = |column| Some((self.records, column));
         match record {
-            Record::Data { address, bytes } => {
-                let end = address.saturating_add(bytes.len() as u64);
-                let Some(address) = u32::try_from(address)
-                    .ok()
-                    .filter(|address| APPLICATION.holds((*address).into(), bytes.len() as u64))
-                else {
-                    let found = format!("found addresses {address:#010x} to {:#010x}", end.saturating_sub(1));
-                    let (from, to) = (APPLICATION.start, APPLICATION.end() - 1);
-                    let found = format!("{found}, expected {from:#010x} to {to:#010x}");
-                    return Err(FirmwareError { at: at(8), found, next_step: REBUILD });
-                };
-                if self.bytes.is_empty() {
-                    self.first = address;
-                }
-                // Both are of the application's area.
-                let next = self.first + self.bytes.len() as u32;
-                let Some(gap) = address.checked_sub(next) else {
-                    let found = format!(
-                        "found address {address:#010x}, expected {next:#010x} or above: the record overlaps those before it, or they \
-                         do not rise"
-                    );
-                    let next_step = "decode the file and encode it again";
-                    return Err(FirmwareError { at: at(8), found, next_step });
-                };
-                self.bytes.resize(self.bytes.len() + gap as usize, ERASED);
-                self.bytes.extend_from_slice(bytes);
-                self.len += bytes.len();
-                Ok(())
-            }
-            Record::End { .. } if self.bytes.is_empty() => {
-                let found =
-                    "found a termination record before any data, expected the application's bytes".to_owned();
-                Err(FirmwareError { at: at(4), found, next_step: AGAIN })
-            }
+            Record::Data { address, bytes } => self.insert(address, bytes),
+            Record::End { .. } if self.bytes.is_empty() => Err((
+                4,
+                "found a termination record before any data, expected the application's bytes".to_owned(),
+                COPY,
+            )),
             Record::End { entry } => {
                 self.entry = entry;
                 Ok(())
@@ -185,15 +198,61 @@ impl Image {
         }
     }
 
+    fn insert(&mut self, address: u64, bytes: &[u8]) -> Result<(), (u32, String, &'static str)> {
+        let end = address.saturating_add(bytes.len() as u64);
+        let Some(address) = u32::try_from(address)
+            .ok()
+            .filter(|address| APPLICATION.holds((*address).into(), bytes.len() as u64))
+        else {
+            let found = format!("found addresses {address:#010x} to {:#010x}", end.saturating_sub(1));
+            let (from, to) = (APPLICATION.start, APPLICATION.end() - 1);
+            return Err((8, format!("{found}, expected {from:#010x} to {to:#010x}"), REBUILD));
+        };
+        if self.bytes.is_empty() {
+            self.first = address;
+        }
+        // Both are of the application's area.
+        let next = self.first + self.bytes.len() as u32;
+        let Some(gap) = address.checked_sub(next) else {
+            let found = format!(
+                "found address {address:#010x}, expected {next:#010x} or above: the record overlaps those before it, or they do not rise"
+            );
+            return Err((8, found, COPY));
+        };
+        if gap > 0 {
+            self.gap.get_or_insert(next..=address - 1);
+        }
+        self.bytes.resize(self.bytes.len() + gap as usize, ERASED);
+        self.bytes.extend_from_slice(bytes);
+        self.len += bytes.len();
+        Ok(())
+    }
+
+    /// The gap as a part of a sentence.
+    fn gap(&self) -> String {
+        self.gap.as_ref().map_or_else(String::new, |gap| {
+            format!("; no record brings {:#010x} to {:#010x}", gap.start(), gap.end())
+        })
+    }
+
     fn finish(self) -> Result<Contents, FirmwareError> {
+        let whole = |found: String| FirmwareError { at: None, found: found + &self.gap(), next_step: COPY };
         let begins = self.first == APPLICATION.start && self.bytes.len() >= HEADER_END as usize;
         let header = match begins.then(|| Header::verify(&self.bytes)) {
-            None | Some(Err(ImageError::Unsealed)) => None,
-            Some(Ok(header)) => Some(header),
-            Some(Err(error)) => {
-                let next_step = "the records are whole, but not the image: seal it again when encoding";
-                return Err(FirmwareError { at: None, found: error.to_string(), next_step });
+            None => None,
+            Some(Err(ImageError::Unsealed)) => {
+                // Words of the vector table that are missing may have been the seal.
+                let lost = self.gap.as_ref().is_some_and(|gap| *gap.start() < APPLICATION.start + HEADER_END);
+                if lost {
+                    return Err(whole(
+                        "found no complete header, expected the image's first bytes".to_owned(),
+                    ));
+                }
+                None
             }
+            Some(Ok(header)) => Some(header),
+            // The records are whole, but not the image: some are lost, or it was changed before it was encoded.
+            Some(Err(error)) => return Err(whole(error.to_string())),
         };
         // A file without data has ended above.
         let last = self.first + (self.bytes.len() as u32).saturating_sub(1);
@@ -224,14 +283,24 @@ impl Firmware {
     /// # Errors
     /// Its first defect, or that it is not sealed.
     pub fn new(text: Vec<u8>) -> Result<Self, FirmwareError> {
-        let unsealed = || FirmwareError {
-            at: None,
-            found: "found an image that is not sealed, expected the header that the monitor checks"
-                .to_owned(),
-            next_step: SEAL,
-        };
-        let header = Contents::read(&text)?.header.ok_or_else(unsealed)?;
-        Ok(Self { text, header })
+        let (contents, lines) = Contents::of_records(&text)?;
+        let (first, start) = (*contents.addresses.start(), APPLICATION.start);
+        let header = contents.header.ok_or_else(|| match first == start {
+            true => FirmwareError {
+                at: None,
+                found: "found an image that is not sealed, expected the header that the monitor checks"
+                    .to_owned(),
+                next_step: SEAL,
+            },
+            false => FirmwareError {
+                at: None,
+                found: format!(
+                    "found a first address of {first:#010x}, expected {start:#010x}, where the monitor looks for the header"
+                ),
+                next_step: COPY,
+            },
+        })?;
+        Ok(Self { text: lines, header })
     }
 
     /// Length, CRC-32 and version of the image.
@@ -240,7 +309,7 @@ impl Firmware {
         &self.header
     }
 
-    /// The file's characters.
+    /// The records as a board downloads them: lines that end with CR LF, one termination record.
     pub(crate) fn text(&self) -> &[u8] {
         &self.text
     }

@@ -51,5 +51,6 @@ pub use hand::{
     Axis, BoardState, Boards, Canceller, Connect, Control, Feedback, Format, Hand, Progress, RealTime,
     Statistics, no_progress,
 };
+pub use port::configure_tcp;
 pub use tater_wire::{FaultCode, Frame, Node, Property};
 pub use turns::{NoTurn, Turns};

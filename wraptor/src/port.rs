@@ -15,8 +15,12 @@ use tater_wire::Frame;
 use crate::deadline::Deadline;
 use crate::error::{Cause, whole_ms};
 
+mod tcp;
 #[cfg(unix)]
 mod waiting;
+
+pub use tcp::configure_tcp;
+pub(crate) use tcp::negotiates_telnet;
 
 /// Chunks that wait for the caller; then the reader waits, and the other side with it.
 const CHUNKS: usize = 256;
@@ -107,7 +111,7 @@ impl Port {
             _ => Cause::Unreachable(error.to_string()),
         })?;
         let system = |error: io::Error| Cause::System(error.to_string());
-        stream.set_nodelay(true).map_err(system)?;
+        configure_tcp(&stream).map_err(system)?;
         reset_at_close(&stream, true).map_err(system)?;
         let out = Arc::new(Out::Tcp(stream));
         let from = Arc::clone(&out);

@@ -12,7 +12,7 @@ use tater_wire::Frame;
 
 use crate::deadline::Deadline;
 use crate::error::{CallError, Failure, beginning};
-use crate::port::{Event, Port};
+use crate::port::{Event, Port, negotiates_telnet};
 
 /// ^C, which aborts a command of the hand.
 pub(crate) const ABORT: u8 = 3;
@@ -61,6 +61,8 @@ pub(crate) struct Session {
     packet: Vec<u8>,
     frames: VecDeque<Frame>,
     reports: VecDeque<String>,
+    /// Whether a device server has negotiated options of Telnet before the first prompt; `None` after it.
+    telnet: Option<bool>,
     /// Whether a prompt of an earlier call is still to come.
     is_behind: bool,
     /// Whether the caller has written a line without its CR.
@@ -79,11 +81,17 @@ impl Session {
             packet: Vec::new(),
             frames: VecDeque::new(),
             reports: VecDeque::new(),
+            telnet: Some(false),
             is_behind: false,
             is_line_open: false,
             has_own_bytes: false,
             markers: 0,
         }
+    }
+
+    /// Whether a device server negotiates options of Telnet. Without that, whatever comes from now on is the hand's.
+    pub fn negotiates_telnet(&mut self) -> bool {
+        self.telnet.take() == Some(true)
     }
 
     pub const fn port(&self) -> &Port {
@@ -138,7 +146,13 @@ impl Session {
 
     fn receive_next(&mut self, deadline: &Deadline) -> Result<bool, Failure> {
         match self.port.receive(deadline) {
-            Ok(Some(Event::Bytes(bytes))) => self.inbox.extend(bytes),
+            Ok(Some(Event::Bytes(bytes))) => {
+                self.inbox.extend(&bytes);
+                if self.telnet.is_some() && negotiates_telnet(&bytes) {
+                    self.telnet = Some(true);
+                    return Err(Failure::Lost("a device server negotiates Telnet options".to_owned()));
+                }
+            }
             Ok(Some(Event::Frame(_) | Event::Gone(_))) => {}
             Ok(None) => return Ok(false),
             Err(why) => return Err(Failure::Lost(why)),

@@ -108,6 +108,25 @@ fn peer_that_is_no_hand_is_named_with_what_it_sent() {
     }
 }
 
+/// A device server in Telnet mode passes text, so that the connection would seem to work until a packet or RealTime has a 0xFF.
+#[test]
+fn device_server_that_negotiates_telnet_is_named() {
+    for first in [&b"\xFF\xFB\x01\xFF\xFB\x03\xFF\xFD\x00"[..], b"\r\nPort 1\r\n\xFF\xFD\x2C"] {
+        let peer = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = peer.local_addr().expect("its address").to_string();
+        let sent = [first, b"\r\n\r=> "].concat();
+        thread::spawn(move || {
+            for stream in peer.incoming().take(2) {
+                let mut stream = stream.expect("a host");
+                let _ = stream.write_all(&sent);
+                // Stays until the host has left.
+                let _ = std::io::copy(&mut stream, &mut std::io::sink());
+            }
+        });
+        assert_eq!(cause(Hand::connect(&address, HANGS)), Cause::Telnet, "{first:?}");
+    }
+}
+
 #[test]
 fn hand_with_another_host_names_it() {
     let served = Served::fast_hand();

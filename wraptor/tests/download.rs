@@ -64,6 +64,24 @@ fn damaged_file_is_refused_before_anything_is_sent() {
     }
 }
 
+/// What went through editors and mail: the records are sent as they are, and one termination.
+#[test]
+fn file_with_other_line_ends_is_downloaded() {
+    let served = Served::fast_hand();
+    let mut hand = connected(served.place("gcl"));
+    let whole = String::from_utf8(tek(2048, 601)).expect("ASCII");
+    let last = whole.lines().last().expect("a termination");
+    for text in [
+        whole.replace('\r', ""),
+        whole.replace('\n', ""),
+        format!("{}{last}\r\n\x1A", whole.replace('\r', " \t\r")),
+    ] {
+        let firmware = Firmware::new(text.into_bytes()).expect("the same records");
+        hand.download("1", &firmware, LIMIT, &mut |_| ControlFlow::Continue(())).expect("it runs");
+    }
+    assert_eq!(hand.get("1", Property::STAT, HANGS), Ok(vec![(node(1), 2)]));
+}
+
 #[test]
 fn board_that_is_not_there_is_named_and_the_hand_still_answers() {
     let served = Served::new(&["bus", "--nodes", "1-2", "--slcan", "127.0.0.1:0"], 1);

@@ -90,6 +90,7 @@ fn encode(bytes: &Path, file: &Path) -> Outcome {
         base: Some(tater_wire::memory::APPLICATION.start),
         output: file.to_owned(),
         seal: Some(600),
+        replace_seal: false,
     };
     tek::tek(&chore).map_err(String::from)
 }

@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `apply`, `emu`, `host-tools`, `c-library`, `fuzz`, `miri`, `mutants`, `defects`, `soak`, `model`, `wheel`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `apply`, `emu`, `host-tools`, `c-library`, `fuzz`, `fresh`, `miri`, `mutants`, `defects`, `soak`, `model`, `wheel`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -15,6 +15,7 @@ mod download;
 mod emu;
 mod files;
 mod flash;
+mod fresh;
 mod fuzz;
 mod hall_oracle;
 mod host_tools;
@@ -114,6 +115,8 @@ enum Chore {
     Wheel(wheel::WheelArgs),
     /// Run every fuzz target for 30 s from its committed inputs
     Fuzz(fuzz::FuzzArgs),
+    /// Play seeds that no run has played: torture chamber, property tests, fuzz targets; before an issue is resolved
+    Fresh(fresh::FreshArgs),
     /// Run unit tests under Miri, which finds undefined behavior, if it is installed
     Miri,
     /// Change the code in one place at a time, and list the changes that no unit test notices
@@ -151,6 +154,7 @@ fn main() -> ExitCode {
         Chore::Reports => reports::check().map_err(Failure::from),
         Chore::Wheel(args) => wheel::wheel(&args),
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
+        Chore::Fresh(args) => fresh::fresh(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),
         Chore::Defects(args) => defects::defects(&args),

@@ -5,6 +5,8 @@
 //! thousand times are left out.
 
 use crate::Outcome;
+use crate::ci::PROPERTY_SEED;
+use crate::fuzz::CI_SEED;
 use crate::program::{program, run, succeeds, target};
 
 /// Packages, each with parts of the names of its tests that run.
@@ -29,6 +31,7 @@ pub fn check() -> Outcome {
         // proptest asks for its folder; its inputs are few.
         miri.envs([("MIRIFLAGS", "-Zmiri-disable-isolation"), ("PROPTEST_CASES", "8")]);
         miri.env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "true");
+        miri.env(PROPERTY_SEED, CI_SEED.to_string());
         run(miri)?;
     }
     Ok(())

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
-use tater_wire::image::{self, HEADER_BYTES, Header};
+use tater_wire::image::{self, HEADER_BYTES, Header, ImageError};
 use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{self, Dialect, Encoder, Record};
 
@@ -38,6 +38,9 @@ pub enum Chore {
         /// Fill gaps, pad to 4 bytes and write the header that the monitor checks, with this VERS
         #[arg(long, value_name = "VERSION")]
         seal: Option<u16>,
+        /// Seal data that carry a seal which does not fit, because they were changed on purpose
+        #[arg(long, requires = "seal")]
+        replace_seal: bool,
     },
     /// Check that a .tek file is complete and downloadable, or report line and column of the first error
     /// (exit code 1); also report whether it is sealed, as a monitor requires
@@ -81,22 +84,43 @@ fn bytes_per_address(text: &str) -> Result<u64, String> {
 /// The error in its files.
 pub fn tek(chore: &Chore) -> Result<(), Failure> {
     match chore {
-        Chore::Encode { input, base, output, seal } => encode(input, *base, output, *seal),
+        Chore::Encode { input, base, output, seal, replace_seal } => {
+            encode(input, *base, output, *seal, *replace_seal)
+        }
         Chore::Verify { file } => verify::verify(file),
         Chore::Decode { file, output, bytes_per_address } => decode(file, output, *bytes_per_address),
         Chore::Dump { file } => dump(file),
     }
 }
 
-fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) -> Result<(), Failure> {
+fn encode(
+    input: &Path,
+    base: Option<u32>,
+    output: &Path,
+    version: Option<u16>,
+    replace_seal: bool,
+) -> Result<(), Failure> {
     let (mut memory, entry) = source::read(input, base)?;
     let mut header = None;
+    let place = input.display();
+    let broken = memory.image().ok().and_then(|image| broken_seal(&image));
+    match (broken, version) {
+        (Some(error), Some(_)) if !replace_seal => {
+            return Err(Failure::Judged(format!(
+                "{place}: found a seal that does not fit: {error}\n  next: copy the file again from where it came from; only if its bytes \
+                 were changed on purpose, seal them with --replace-seal"
+            )));
+        }
+        (Some(error), None) => {
+            say(&format!("warning: {place}: its seal does not fit: {error}; {BROKEN}"));
+        }
+        _ => {}
+    }
     if let Some(version) = version {
         let (sealed, found) = seal(&memory, version).map_err(|error| {
             format!(
-                "{}: {error}\n  next: link the image for the application's address {:#010x}, with its vector table first \
-                 and the vectors 7 to 10 left 0; or leave --seal out",
-                input.display(),
+                "{place}: {error}\n  next: link the image for the application's address {:#010x}, with its vector table first and the \
+                 vectors 7 to 10 left 0; or leave --seal out",
                 APPLICATION.start
             )
         })?;
@@ -110,6 +134,17 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
     });
     say(&format!("{}: {}{sealed}", output.display(), extent(&memory)));
     Ok(())
+}
+
+/// What a board does with bytes whose seal does not fit, and what helps.
+const BROKEN: &str = "a monitor will reject it: copy the file again from where it came from";
+
+/// Why the seal of these bytes does not fit; `None` if it does, or if there is none.
+fn broken_seal(image: &[u8]) -> Option<ImageError> {
+    let mut image = image.to_vec();
+    image.resize(image.len().next_multiple_of(4), ERASED);
+    let magic = image.get(image::MAGIC_AT as usize..)?.first_chunk()?;
+    (u32::from_le_bytes(*magic) == image::MAGIC).then(|| Header::verify(&image).err())?
 }
 
 fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
@@ -207,11 +242,32 @@ fn decode(file: &Path, output: &Path, unit: u64) -> Result<(), Failure> {
     })?;
     let wrong = |error| Failure::Judged(format!("{}: {error}", file.display()));
     let (base, bytes) = assemble(&memory, &sections).map_err(wrong)?;
+    warn_of_damage(file, &memory, base, &bytes);
     files::replace(output, &bytes).map_err(Failure::Unusable)?;
     let entry = start.map_or_else(|| "no entry".to_owned(), |start| format!("entry {start:#010x}"));
     let words = if unit == 1 { String::new() } else { format!(", {unit} bytes at each address") };
     say(&format!("{}: {} bytes, base {:#010x}, {entry}{words}", output.display(), bytes.len(), base / unit));
     Ok(())
+}
+
+/// Warns of an image that has lost bytes, before somebody encodes what is left of it.
+fn warn_of_damage(file: &Path, memory: &Memory, base: u64, bytes: &[u8]) {
+    let (place, start) = (file.display(), u64::from(APPLICATION.start));
+    if base != start && APPLICATION.holds(base, bytes.len() as u64) {
+        say(&format!(
+            "warning: {place}: found a first address of {base:#010x}, expected {start:#010x} of an application: its first record may be \
+             lost; compare the file with the original"
+        ));
+    }
+    if let Some(error) = broken_seal(bytes) {
+        let mut ends = memory.pieces().map(|(at, piece)| at + piece.len() as u64);
+        let mut starts = memory.pieces().map(|(at, _)| at).skip(1);
+        let gap = ends.by_ref().zip(starts.by_ref()).find(|(end, next)| end < next);
+        let gap = gap.map_or_else(String::new, |(end, next)| {
+            format!("; no record brings {end:#010x} to {:#010x}", next - 1)
+        });
+        say(&format!("warning: {place}: its seal does not fit: {error}{gap}; {BROKEN}"));
+    }
 }
 
 /// The message for bytes at an address that has some, by the address of their record, and by address and number of bytes of the record
@@ -226,7 +282,7 @@ fn overlap(taken: u64, address: u64, before: Option<(u64, u64)>, unit: u64) -> S
         Some(words) => format!(
             "{found}\n  the file's addresses seem to be those of words: decode it with --bytes-per-address {words}"
         ),
-        None => format!("{found}\n  encode the image again"),
+        None => format!("{found}\n  copy the file again from where it came from"),
     }
 }
 

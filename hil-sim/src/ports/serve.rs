@@ -13,6 +13,7 @@ mod link;
 mod pace;
 mod pty;
 mod tcp;
+mod telnet;
 
 pub use args::BusArgs;
 pub use bus::bus;

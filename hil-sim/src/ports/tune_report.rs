@@ -113,7 +113,7 @@ fn loops(sheet: &mut Sheet, motor: &str, found: &Found) {
             margins.plants,
             margins.ms
         ));
-        page::charts(sheet, &format!("{motor} {}", margins.of.name()), response);
+        page::charts(sheet, &format!("{motor} {} loop", margins.of.name()), response);
     }
 }
 
@@ -188,7 +188,7 @@ fn bands(sheet: &mut Sheet, motor: &str, envelope: &Envelope) {
     let title = format!("{objective}: {title}");
     let mut chart = Chart::new(&title, &format!("{unit}, {plants} plants"), "ms");
     (chart.height, chart.least_span) = (260.0, 0.5);
-    chart.x.group = Some(format!("{motor} {objective}"));
+    chart.x.group = Some(format!("{motor} {objective} over time"));
     let x = sheet.column(times.clone(), Some(0));
     for (name, class, bands) in [("before", "c2", before), ("tuned", "c1", after)] {
         let bands: &Bands = bands;

@@ -9,12 +9,25 @@ use super::encode::DATA_BYTES;
 pub struct TekError {
     /// Number of the record, from 1.
     pub record: u32,
-    /// Line of the file, from 1; in a stream the record's number.
+    /// Line of the file, from 1, empty lines included; in a stream the record's number.
     pub line: u32,
     /// Character of the line, from 1; `%` is character 1, also in a stream, where it is not sent.
     pub column: u32,
     /// The defect.
     pub kind: TekErrorKind,
+}
+
+/// Formats that are mistaken for Extended Tektronix hex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Foreign {
+    /// Intel hex: the first line begins with `:`.
+    IntelHex,
+    /// Motorola S-records: the first line begins with `S`.
+    SRecord,
+    /// Text with two bytes a character.
+    Utf16,
+    /// No text: a linked program, raw bytes, a compressed file.
+    Binary,
 }
 
 /// A defect of a record or of a file.
@@ -99,10 +112,10 @@ pub enum TekErrorKind {
     },
     /// The file ends without a termination record.
     NoEnd,
-    /// [`super::Dialect::Ti`] only: a line without CR LF at its end.
-    LineEnd {
-        /// A line feed, or nothing.
-        found: Option<u8>,
+    /// The file begins as one of another format.
+    Foreign {
+        /// The format.
+        found: Foreign,
     },
     /// [`super::Dialect::Ti`] only: not 8 address digits.
     AddressWidth {
@@ -122,10 +135,32 @@ impl TekErrorKind {
     /// Whether the file is complete, but not in the profile of [`super::Dialect::Ti`].
     #[must_use]
     pub const fn is_dialect(self) -> bool {
-        matches!(
-            self,
-            Self::LineEnd { .. } | Self::AddressWidth { .. } | Self::DataBytes { .. } | Self::Symbols
-        )
+        matches!(self, Self::AddressWidth { .. } | Self::DataBytes { .. } | Self::Symbols)
+    }
+
+    /// The next step of a user. A damaged file is copied again; converting or encoding what is left of it would hide the damage.
+    #[must_use]
+    pub const fn next_step(self) -> &'static str {
+        match self {
+            Self::Foreign { found: Foreign::IntelHex } => {
+                "convert it: `objcopy -I ihex -O binary --gap-fill 0xFF FILE FILE.bin`, then `cargo xtask tek encode FILE.bin --base \
+                 ADDRESS --output FILE.tek` with the address of its first byte, such as 0x08004000"
+            }
+            Self::Foreign { found: Foreign::SRecord } => {
+                "convert it: `objcopy -I srec -O binary --gap-fill 0xFF FILE FILE.bin`, then `cargo xtask tek encode FILE.bin --base \
+                 ADDRESS --output FILE.tek` with the address of its first byte, such as 0x08004000"
+            }
+            Self::Foreign { found: Foreign::Utf16 } => {
+                "save it as plain text: `iconv -f UTF-16 -t ASCII FILE > FILE.tek`"
+            }
+            Self::Foreign { found: Foreign::Binary } => {
+                "use the .tek file itself; `cargo xtask tek encode` makes one of a linked program or of raw bytes"
+            }
+            Self::AddressWidth { .. } | Self::DataBytes { .. } | Self::Symbols => {
+                "not the profile that boards download: `cargo xtask tek decode` reads it, `tek encode` writes that profile"
+            }
+            _ => "copy the file again from where it came from",
+        }
     }
 }
 
@@ -185,11 +220,14 @@ impl fmt::Display for TekErrorKind {
                 write!(f, "found a longer line, expected at most {expected} characters")
             }
             Self::NoEnd => f.write_str("found the end of the file, expected a termination record (type 8)"),
-            Self::LineEnd { found: Some(found) } => {
-                write!(f, "found {} alone at the end of the line, expected CR LF", Shown(found))
-            }
-            Self::LineEnd { found: None } => {
-                f.write_str("found the end of the file in a line, expected CR LF")
+            Self::Foreign { found } => {
+                let found = match found {
+                    Foreign::IntelHex => "a file of Intel hex",
+                    Foreign::SRecord => "a file of Motorola S-records",
+                    Foreign::Utf16 => "text in UTF-16",
+                    Foreign::Binary => "a binary file",
+                };
+                write!(f, "found {found}, expected Extended Tektronix hex, whose lines begin with %")
             }
             Self::AddressWidth { found } => write!(f, "found {found} address digits, expected 8"),
             Self::DataBytes { found } => {

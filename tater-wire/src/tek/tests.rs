@@ -1,8 +1,8 @@
 //! Files: the encoder's output, and the reader's input in each dialect.
 
-use super::{Decoder, Dialect, Encoder, Reader, Record, TekError, TekErrorKind, end, value};
+use super::{Decoder, Dialect, Encoder, Foreign, Reader, Record, TekError, TekErrorKind, end, value};
 use proptest::prelude::*;
-use std::{collections::BTreeMap, format, string::String, vec::Vec};
+use std::{collections::BTreeMap, format, string::String, vec, vec::Vec};
 
 /// `LLTCC...` of a type and the text after the checksum.
 pub(super) fn record(kind: char, rest: &str) -> String {
@@ -60,6 +60,10 @@ fn encode(base: u32, pieces: &[(u32, Vec<u8>)], entry: u32) -> (Vec<u8>, Image) 
     (file, (bytes, Some(u64::from(entry))))
 }
 
+fn line_end() -> impl Strategy<Value = &'static str> {
+    prop::sample::select(vec!["\n", "\r", "\r\n", " \r\n", "\t\n", "  \t \r", "\r\r\n", "\n\n", "\r\n \r\n"])
+}
+
 proptest! {
     #[test]
     fn images_with_gaps_survive_encode_and_read(base in 0..0xFFFF_0000_u32, pieces in pieces(), entry in any::<u32>()) {
@@ -89,14 +93,41 @@ proptest! {
         }
     }
 
-    /// A truncated file is detected in each dialect; in one the last line's end may be missing.
+    /// A truncated file is detected in each dialect; only the last line's end may be missing.
     #[test]
     fn truncated_file_is_detected(pieces in pieces(), part in 0..1000_usize) {
         let (mut file, _) = encode(0, &pieces, 0);
         file.truncate(file.len() * part / 1000);
-        prop_assert!(read(&file, Dialect::Ti).is_err());
         let whole = file.ends_with(b"%0E81E800000000") || file.ends_with(b"%0E81E800000000\r");
-        prop_assert_eq!(read(&file, Dialect::Gnu).is_err(), !whole);
+        for dialect in [Dialect::Ti, Dialect::Gnu] {
+            prop_assert_eq!(read(&file, dialect).is_err(), !whole);
+        }
+    }
+
+    /// Whatever ends the lines, stands behind them or follows the last one, the records are the same.
+    #[test]
+    fn line_ends_blanks_and_padding_change_no_record(
+        pieces in pieces(),
+        ends in prop::collection::vec(line_end(), 1..8),
+        mark in prop::sample::select(vec!["", "\u{FEFF}"]),
+        repeated in 0..3_usize,
+        tail in prop::sample::select(vec!["", "\x1A", "\x1A\x1A\x1A", "\n\0\0", "\r\n\r\n", "  ", "\n\x1A"]),
+    ) {
+        let (file, image) = encode(0, &pieces, 7);
+        let mut lines: Vec<&str> = core::str::from_utf8(&file).unwrap().lines().collect();
+        let last = lines[lines.len() - 1];
+        lines.extend(core::iter::repeat_n(last, repeated));
+        let with_ends = lines.iter().zip(ends.iter().cycle()).flat_map(|(line, end)| [*line, *end]);
+        let mut text: String = core::iter::once(mark).chain(with_ends).collect();
+        for last_end in [true, false] {
+            if !last_end {
+                text.truncate(text.trim_end().len());
+            }
+            let text = format!("{text}{tail}");
+            for dialect in [Dialect::Ti, Dialect::Gnu] {
+                prop_assert_eq!(read(text.as_bytes(), dialect), Ok(image.clone()), "{:?}", text);
+            }
+        }
     }
 }
 
@@ -160,13 +191,9 @@ fn symbol_records_without_a_section_are_skipped() {
 #[test]
 fn strict_dialect_reports_what_the_other_accepts() {
     use TekErrorKind::*;
-    let (end, none) = (format!("%{}", record('8', "800000000")), String::new());
-    let crlf = format!("{end}\r\n");
+    let (crlf, none) = (format!("%{}\r\n", record('8', "800000000")), String::new());
     let data = |rest: &str| format!("%{}\r\n", record('6', rest));
     let rows = [
-        (format!("{end}\n"), &none, 16, LineEnd { found: Some(b'\n') }),
-        (end.clone(), &none, 16, LineEnd { found: None }),
-        (format!("{end}\r"), &none, 16, LineEnd { found: Some(b'\r') }),
         (format!("%{}\r\n", record('8', "10")), &none, 7, AddressWidth { found: 1 }),
         (data("70000000FF"), &crlf, 7, AddressWidth { found: 7 }),
         (data("00000000000000000FF"), &crlf, 7, AddressWidth { found: 16 }),
@@ -190,31 +217,68 @@ fn bad_line_is_reported_with_its_position() {
     use TekErrorKind::*;
     let rows = [
         ("", 1, 1, NoEnd),
-        ("\r\n", 1, 1, Start { found: b'\r' }),
-        ("\u{FEFF}%", 1, 1, Start { found: 0xEF }),
+        ("\r\n", 2, 1, NoEnd),
+        ("\u{FEFF}%", 1, 2, Line { found: 0, expected: 5 }),
+        ("x", 1, 1, Start { found: b'x' }),
+        ("\n\r\r\n :", 4, 1, Start { found: b' ' }),
+        (" %0781010\r\n", 1, 1, Start { found: b' ' }),
         ("%", 1, 2, Line { found: 0, expected: 5 }),
         ("%0\r\n", 1, 3, Line { found: 1, expected: 5 }),
         ("%07\r\n", 1, 4, Line { found: 2, expected: 7 }),
         ("%0781\0", 1, 6, Character { found: 0 }),
         ("%0781 010\r\n", 1, 6, Character { found: b' ' }),
-        ("%0781\r010", 1, 6, Character { found: b'\r' }),
+        ("%0781\r010", 1, 6, Line { found: 4, expected: 7 }),
+        ("%0781010 0\r\n", 1, 9, Character { found: b' ' }),
         ("%07810101\r\n", 1, 9, Line { found: 8, expected: 7 }),
         ("%0X81010\r\n", 1, 3, Digit { found: b'X' }),
         ("%0381010\r\n", 1, 2, Short { found: 3, expected: 5 }),
         ("%0781*10\r\n", 1, 6, Character { found: b'*' }),
         ("%1A626810000000202020202020\r\n", 2, 1, NoEnd),
-        ("%0E81E800000000\r\n\r\n", 2, 1, AfterEnd { found: b'\r' }),
+        ("%0E81E800000000\r\n%0E81E80000000", 2, 1, AfterEnd { found: b'%' }),
+        ("%0E81E800000000\r\n%0E81F800000001\r\n", 2, 6, AfterEnd { found: b'F' }),
+        ("%0E81E800000000\r\nx", 2, 1, AfterEnd { found: b'x' }),
+        ("%0E81E800000000\r\n\x1A%0E81E800000000", 2, 1, AfterEnd { found: b'%' }),
+        ("\x1A%0E81E800000000", 1, 1, AfterEnd { found: b'%' }),
     ];
     for (text, line, column, kind) in rows {
         for dialect in [Dialect::Ti, Dialect::Gnu] {
-            let error = TekError { record: line, line, column, kind };
-            assert_eq!(read(text.as_bytes(), dialect), Err(error), "{text:?}");
+            let error = read(text.as_bytes(), dialect).unwrap_err();
+            assert_eq!((error.line, error.column, error.kind), (line, column, kind), "{text:?}");
             assert!(!kind.is_dialect(), "{kind}");
         }
     }
     for (dialect, expected) in [(Dialect::Ti, 98), (Dialect::Gnu, 256)] {
         let error = read(&[b'%'; 300], dialect).unwrap_err();
         assert_eq!((error.column, error.kind), (u32::from(expected) + 1, Long { expected }));
+    }
+}
+
+#[test]
+fn files_of_other_formats_are_named() {
+    let utf_16: Vec<u8> = "%0781010\r\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let big: Vec<u8> = "%0781010\r\n".encode_utf16().flat_map(u16::to_be_bytes).collect();
+    let rows: [(&[u8], Foreign); 11] = [
+        (b":020000040800F2\r\n", Foreign::IntelHex),
+        (b"S00F000068656C6C6F\r\n", Foreign::SRecord),
+        (b"S214", Foreign::SRecord),
+        (&utf_16, Foreign::Utf16),
+        (&[b"\xFF\xFE", &*utf_16].concat(), Foreign::Utf16),
+        (&big, Foreign::Utf16),
+        (&[b"\xFE\xFF", &*big].concat(), Foreign::Utf16),
+        (b"\x7fELF", Foreign::Binary),
+        (b"\0\x50\0\x20", Foreign::Binary),
+        (b"\xFF\xFF\xFF\xFF", Foreign::Binary),
+        (b"\x1f\x8b", Foreign::Binary),
+    ];
+    for (file, found) in rows {
+        for dialect in [Dialect::Ti, Dialect::Gnu] {
+            let error = TekError { record: 1, line: 1, column: 1, kind: TekErrorKind::Foreign { found } };
+            assert_eq!(read(file, dialect), Err(error), "{file:?}");
+        }
+    }
+    for (text, found) in [("Some words", b'S'), ("S", b'S'), (":-)", b':'), ("<html>", b'<')] {
+        let error = TekError { record: 1, line: 1, column: 1, kind: TekErrorKind::Start { found } };
+        assert_eq!(read(text.as_bytes(), Dialect::Ti), Err(error), "{text:?}");
     }
 }
 
@@ -228,7 +292,7 @@ fn error_persists() {
 
 #[test]
 fn error_text_has_position_and_defect() {
-    let error = read(b"%0781010\n%0781010\n", Dialect::Gnu).unwrap_err();
-    let words = "found '%' after the termination record, expected the end of the file";
+    let error = read(b"%0781010\n!\n", Dialect::Gnu).unwrap_err();
+    let words = "found '!' after the termination record, expected the end of the file";
     assert_eq!(format!("{error}"), format!("record 2, line 2, column 1: {words}"));
 }

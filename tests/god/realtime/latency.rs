@@ -7,6 +7,8 @@ use servo_core::units::Duty;
 
 use super::super::Session;
 use super::{ALL, BLOCK_US, FEEDBACK, Host, control};
+use crate::figures::Figure::Near;
+use crate::figures::claim;
 
 const RESOLUTION_US: u64 = 10;
 
@@ -87,6 +89,8 @@ fn block_to_torque_takes_its_frames_and_a_tick() {
         "figure: RealTime, last byte of a control block of seven motors to each one's torque: at worst {worst:?} us"
     );
     assert!(worst.iter().all(|&us| us <= BOUND_US), "{worst:?} us, {BOUND_US} at most");
+    let most = worst.iter().copied().max().unwrap_or(0) as f64;
+    claim("README.md", "to torque on all motors | RealTime {} ms; `M`", &[Near(most / 1000.0)]);
 }
 
 #[test]
@@ -134,4 +138,9 @@ fn move_to_torque_takes_its_frames_and_a_tick() {
     println!(
         "figure: M of seven motors, CR to each one's torque: at worst {worst:?} us; bus load while they move {load_percent:.1} %"
     );
+    let most = |is_spread: bool| {
+        let motors = worst.iter().enumerate().filter(|(motor, _)| (*motor == 3) == is_spread);
+        Near(motors.map(|(_, us)| *us as f64 / 1000.0).fold(0.0, f64::max))
+    };
+    claim("README.md", "`M` {} ms, the spread {} ms with its brake |", &[most(false), most(true)]);
 }

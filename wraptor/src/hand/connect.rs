@@ -119,6 +119,9 @@ fn find_prompt(session: &mut Session, deadline: &Deadline) -> Result<(), Cause> 
     let outcome = session.until_prompt(deadline).map(drop);
     let text = session.take_text();
     let received = beginning(&text);
+    if session.negotiates_telnet() {
+        return Err(Cause::Telnet);
+    }
     if let Some((_, by)) = received.split_once(REFUSAL) {
         return Err(Cause::InUse(by.trim().to_owned()));
     }

@@ -28,19 +28,14 @@ pub fn records(
 ) -> Result<bool, Failure> {
     let place = path.display();
     let damaged = |TekError { record, line, column, kind }: TekError| {
-        let next = if kind.is_dialect() {
-            "not the profile that boards download: `cargo xtask tek decode` reads it, `tek encode` writes that profile"
-        } else {
-            "copy the file again from where it came from, or encode the image again"
-        };
+        let next = kind.next_step();
         Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
     };
-    let (mut reader, mut line) = (Reader::new(dialect), 0);
-    let (mut total, mut last_byte) = (0_u64, 0);
-    let mut judge = |record: Record<'_>, section| {
-        line += 1;
+    let (mut reader, mut number, mut total, mut last_byte) = (Reader::new(dialect), 0, 0_u64, 0);
+    let mut judge = |record: Record<'_>, section, line| {
+        number += 1;
         each(record, section).map_err(|(column, what)| {
-            Failure::Judged(format!("{place}:{line}:{column}: record {line}: {what}"))
+            Failure::Judged(format!("{place}:{line}:{column}: record {number}: {what}"))
         })
     };
     loop {
@@ -52,21 +47,23 @@ pub fn records(
         }
         last_byte = bytes.last().copied().unwrap_or(last_byte);
         for &byte in bytes {
+            let line = reader.line();
             match reader.push(byte).map_err(damaged)? {
                 None => {}
-                Some(Record::Symbols) => judge(Record::Symbols, reader.section())?,
-                Some(record) => judge(record, None)?,
+                Some(Record::Symbols) => judge(Record::Symbols, reader.section(), line)?,
+                Some(record) => judge(record, None, line)?,
             }
         }
         if len == 0 {
+            let line = reader.line();
             return match reader.finish() {
-                Ok(last) => last.map_or(Ok(()), |record| judge(record, None)).map(|()| true),
+                Ok(last) => last.map_or(Ok(()), |record| judge(record, None, line)).map(|()| true),
                 Err(TekError { kind: TekErrorKind::NoEnd, .. })
-                    if dialect == Dialect::Gnu && line > 0 && last_byte == b'\n' =>
+                    if dialect == Dialect::Gnu && number > 0 && matches!(last_byte, b'\n' | b'\r' | 0x1A) =>
                 {
                     say(&format!(
-                        "warning: {place}: found no termination record, expected one after {line} records: srec_cat writes none, and a \
-                         file that is cut between two records has none; compare its length with the original"
+                        "warning: {place}: found no termination record, expected one after {number} records: srec_cat writes none, and \
+                         a file that is cut between two records has none; compare its length with the original"
                     ));
                     Ok(false)
                 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use tater_wire::image::Header;
+use tater_wire::memory::APPLICATION;
 use wraptor::FirmwareError;
 use wraptor::firmware::Contents;
 
@@ -17,6 +18,11 @@ pub fn verify(path: &Path) -> Result<(), Failure> {
         Contents::read(&files::read(path)?).map_err(|error| defect(path, &error))?;
     let seal = match header {
         Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
+        None if *addresses.start() != APPLICATION.start => format!(
+            "not sealed: a monitor will reject it, for it does not begin at {:#010x}; its first record may be lost, so compare it with \
+             the original",
+            APPLICATION.start
+        ),
         None => "not sealed: a monitor will reject it, `cargo xtask tek encode --seal VERSION` seals".into(),
     };
     let (place, first, last) = (path.display(), addresses.start(), addresses.end());

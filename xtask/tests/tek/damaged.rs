@@ -58,7 +58,6 @@ const HEX: &str = "expected a hexadecimal digit, 0-9 or A-F";
 const START: &str = "expected % at the start of a line";
 const NO_END: &str = "found the end of the file, expected a termination record (type 8)";
 const AFTER: &str = "after the termination record, expected the end of the file";
-const CR_LF: &str = "expected CR LF";
 const ALPHABET: &str = "expected a character of a record: 0-9 A-Z a-z $ % . _";
 
 /// Typical accidents of files.
@@ -71,43 +70,32 @@ fn transported() -> Vec<Row> {
         row("cut in a record", &all[..200], (3, 39), "found 37 characters after %, expected 78"),
         row("cut in a record's head", &all[..83], (2, 3), "found 1 characters after %, expected 5"),
         row("cut between records", [a.as_str(), &b].concat(), (3, 1), NO_END),
-        row("cut before the last line feed", all.trim_end_matches('\n'), (5, 16), CR_LF),
-        row(
-            "no final newline",
-            all.trim_end(),
-            (5, 16),
-            "found the end of the file in a line, expected CR LF",
-        ),
-        row(
-            "LF",
-            all.replace('\r', ""),
-            (1, 80),
-            "found a line feed alone at the end of the line, expected CR LF",
-        ),
-        row("LF in one line", [&a, b.trim_end(), "\n", &c, &d, &end].concat(), (2, 80), CR_LF),
-        row("CR only", all.replace('\n', ""), (1, 80), format!("found a carriage return, {ALPHABET}")),
-        row("CR CR LF", all.replace('\r', "\r\r"), (1, 80), format!("found a carriage return, {ALPHABET}")),
-        row("byte order mark", format!("\u{FEFF}{all}"), (1, 1), format!("found byte 0xef, {START}")),
-        row("UTF-16", utf_16, (1, 2), format!("found byte 0x00, {ALPHABET}")),
+        row("UTF-16", utf_16, (1, 1), "found text in UTF-16, expected Extended Tektronix hex"),
         row("lower case", all.to_lowercase(), (1, 3), format!("found 'e', {HEX}")),
-        row("space at the end of a line", insert(2, 80, " "), (2, 80), format!("found a space, {ALPHABET}")),
         row("space at the start", format!(" {all}"), (1, 1), format!("found a space, {START}")),
+        row("text after the end", format!("{all}ok\r\n"), (6, 1), format!("found 'o' {AFTER}")),
+        row("text after control-Z", format!("{all}\x1A%"), (6, 1), format!("found '%' {AFTER}")),
         row(
-            "blank line",
-            [&a, "\r\n", &b, &c, &d, &end].concat(),
-            (2, 1),
-            format!("found a carriage return, {START}"),
+            "control-Z in the middle",
+            [&*a, &b, "\x1A", &c, &d, &end].concat(),
+            (3, 1),
+            format!("found '%' {AFTER}"),
+        ),
+        row("NUL bytes only", vec![0; 4096], (1, 1), "found a binary file, expected Extended Tektronix hex"),
+        row("ELF", b"\x7fELF\x01\x01\x01", (1, 1), "found a binary file, expected Extended Tektronix hex"),
+        row(
+            "Intel hex",
+            ":020000040800F2\r\n",
+            (1, 1),
+            "found a file of Intel hex, expected Extended Tektronix hex",
         ),
         row(
-            "blank line at the end",
-            format!("{all}\r\n"),
-            (6, 1),
-            format!("found a carriage return {AFTER}"),
+            "S-records",
+            "S00600004844521B\n",
+            (1, 1),
+            "found a file of Motorola S-records, expected Extended",
         ),
-        row("control-Z at the end", format!("{all}\x1A"), (6, 1), format!("found byte 0x1a {AFTER}")),
-        row("NUL after the end", format!("{all}\0"), (6, 1), format!("found byte 0x00 {AFTER}")),
-        row("NUL bytes only", vec![0; 4096], (1, 1), format!("found byte 0x00, {START}")),
-        row("Intel hex", ":020000040800F2\r\n", (1, 1), format!("found ':', {START}")),
+        row("a page of an error", "<html>404</html>", (1, 1), format!("found '<', {START}")),
         row("a record lost its %", all.replacen("\n%", "\n", 1), (2, 1), format!("found '4', {START}")),
         row("two %", insert(4, 1, "%"), (4, 2), format!("found '%', {HEX}")),
     ]
@@ -241,7 +229,7 @@ fn digits() -> Vec<Row> {
         row("character above ASCII", put(2, 30, "é"), (2, 30), format!("found byte 0xc3, {ALPHABET}")),
         row("a digit too many", insert(2, 30, "0"), (2, 80), "found 79 characters after %, expected 78"),
         row("LF in a record", insert(2, 30, "\n"), (2, 30), "found 28 characters after %, expected 78"),
-        row("CR in a record", insert(2, 30, "\r"), (2, 30), format!("found a carriage return, {ALPHABET}")),
+        row("CR in a record", insert(2, 30, "\r"), (2, 30), "found 28 characters after %, expected 78"),
     ]
 }
 
@@ -267,12 +255,29 @@ fn order() -> Vec<Row> {
         row("address 0", with(1, |_| data(0, "01")), (1, 8), "found addresses 0x00000000 to 0x00000000"),
         row("the last address", with(4, |_| data(0xFFFF_FFFF, "01")), (4, 8), outside),
         row("no termination", [&*a, &b, &c, &d].concat(), (5, 1), NO_END),
-        row("two terminations", [&*a, &b, &c, &d, &end, &end].concat(), (6, 1), format!("found '%' {AFTER}")),
+        row(
+            "another termination",
+            [&*a, &b, &c, &d, &end, &line('8', "808004001")].concat(),
+            (6, 6),
+            format!("found 'B' {AFTER}"),
+        ),
+        row(
+            "data between two terminations",
+            [&*a, &b, &c, &end, &d, &end].concat(),
+            (5, 2),
+            format!("found '1' {AFTER}"),
+        ),
+        row(
+            "half a termination twice",
+            format!("{}%0E8", good().concat()),
+            (6, 1),
+            format!("found '%' {AFTER}"),
+        ),
         row(
             "data after the termination",
             [&*a, &b, &end, &c, &d].concat(),
-            (4, 1),
-            format!("found '%' {AFTER}"),
+            (4, 2),
+            format!("found '4' {AFTER}"),
         ),
         row("a termination only", end, (1, 4), "found a termination record before any data"),
     ]

@@ -140,7 +140,7 @@ pub struct Across {
     pub unit: String,
     /// Whether equal distances are equal ratios.
     pub log: bool,
-    /// Charts with the same group share range and cursor.
+    /// Charts with the same group, unit and scale share range and cursor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
 }
@@ -237,6 +237,9 @@ impl Chart {
     }
 }
 
+/// Most ticks of an axis, whatever its numbers.
+const MOST_TICKS: usize = 100;
+
 struct Axis {
     min: f64,
     max: f64,
@@ -262,7 +265,9 @@ impl Axis {
             let (ticks, decimals) = self.ticks(count);
             return ticks.into_iter().map(|tick| (tick, format!("{tick:.decimals$}"))).collect();
         }
-        let decades = (self.min.log10().floor() as i32)..=(self.max.log10().ceil() as i32);
+        // From the smallest positive number to the largest there are 632 decades.
+        let decades =
+            (self.min.max(f64::MIN_POSITIVE).log10().floor() as i32)..=(self.max.log10().ceil() as i32);
         let steps: &[f64] = match (self.max / self.min).log10() {
             decades if decades > 6.0 => &[1.0],
             decades if decades > 2.2 => &[1.0, 3.0],
@@ -271,7 +276,7 @@ impl Axis {
         let all = decades.flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade)));
         let inside = all.filter(|value| (self.min * 0.999..=self.max * 1.001).contains(value));
         // Without the rounding errors of the powers.
-        inside.map(|value| (value, format!("{}", (value * 1e6).round() / 1e6))).collect()
+        inside.take(MOST_TICKS).map(|value| (value, format!("{}", (value * 1e6).round() / 1e6))).collect()
     }
 
     /// Round values at a round distance, about `count` of them, and their number of decimals.
@@ -282,7 +287,7 @@ impl Axis {
         let step = step.unwrap_or(10.0 * power);
         let (first, last) = ((self.min / step).ceil() as i64, (self.max / step).floor() as i64);
         let decimals = (-step.log10().floor()).max(0.0) as usize;
-        ((first..=last).map(|n| n as f64 * step).collect(), decimals)
+        ((first..=last).take(MOST_TICKS).map(|n| n as f64 * step).collect(), decimals)
     }
 }
 

@@ -38,10 +38,14 @@
       },
     };
   };
+  // No more than this, whatever the numbers: an axis with more ticks is unreadable, and one without an end ends the tab.
+  const MOST_TICKS = 100;
   const ticks = (axis, count) => {
+    if (!(Number.isFinite(axis.min) && Number.isFinite(axis.max) && axis.max > axis.min)) return [];
     if (axis.log) {
       const all = [];
       const decades = Math.log10(axis.max / axis.min);
+      if (!(axis.min > 0 && decades <= MOST_TICKS)) return [];
       const steps = decades > 6 ? [1] : decades > 2.2 ? [1, 3] : decades > 0.7 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9];
       for (let decade = Math.floor(Math.log10(axis.min)); decade <= Math.log10(axis.max); decade++)
         for (const step of steps) {
@@ -55,7 +59,7 @@
     const step = [1, 2, 5, 10].map(n => n * power).find(step => step >= rough * 0.999) || 10 * power;
     const digits = Math.min(Math.max(-Math.floor(Math.log10(step * 1.001)), 0), 12);
     const all = [];
-    for (let n = Math.ceil(axis.min / step); n <= Math.floor(axis.max / step); n++) {
+    for (let n = Math.ceil(axis.min / step); n <= Math.floor(axis.max / step) && all.length < MOST_TICKS; n++) {
       const value = n * step;
       all.push([value, Math.abs(value) >= 1e6 ? value.toExponential(1) : value.toFixed(digits)]);
     }
@@ -561,7 +565,8 @@
     if (chart.explore) explore(chart);
     chart.keys = chart.series.map((series, i) => series.key || `${chart.id}:${series.name || i}`);
     chart.isScatter = chart.series.some(series => series.kind === 'points');
-    const name = chart.x.group || chart.id;
+    // Charts share an axis only if it is of the same kind: a time and a frequency have no common range.
+    const name = chart.x.group ? [chart.x.group, chart.x.unit, chart.x.log].join('|') : chart.id;
     if (!groups.has(name)) groups.set(name, { charts: [], view: null, at: null });
     chart.group = groups.get(name);
     chart.group.charts.push(chart);

@@ -156,6 +156,13 @@ impl<S: Station> Server<S> {
 
     /// Refuses the client that waits if the host stays.
     fn refuse_waiting(&mut self) {
+        // On a dead bus the queue stays full, and the reader does not reach the end.
+        let has_left = matches!(&self.host, Host::Slcan(host) if host.link.has_closed());
+        let is_late = |&(_, until_us): &(NewClient, u64)| self.bus.now_us() >= until_us + LAST_FRAMES_US;
+        if has_left && self.waiting.as_ref().is_some_and(is_late) {
+            self.disconnect("has left");
+            return;
+        }
         let stays = matches!(&self.host, Host::Slcan(host) if !host.link.has_closed());
         let is_over = |&(_, until_us): &(NewClient, u64)| stays && self.bus.now_us() >= until_us;
         if self.waiting.as_ref().is_some_and(is_over)

@@ -29,6 +29,7 @@ use super::link::{CHUNK, Link};
 use super::pace::Pace;
 use super::pty;
 use super::tcp::{self, Client};
+use super::telnet::{Heard, Telnet};
 use crate::ports::output::{print, warn};
 use crate::ports::state_file::{StateFile, When};
 
@@ -138,6 +139,7 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         hand,
         state_file,
         serial,
+        telnet: Telnet::default(),
         output: Vec::new(),
         host: Host::None,
         waiting: None,
@@ -193,6 +195,8 @@ struct Server {
     hand: Hand,
     state_file: Option<StateFile>,
     serial: Serial,
+    /// Of the bytes of the TCP host.
+    telnet: Telnet,
     output: Vec<u8>,
     host: Host,
     /// The next host, while the last one is there, and since when, µs.
@@ -369,6 +373,7 @@ impl Server {
         self.links += 1;
         if let Some(link) = tcp::accept(client, self.links, self.sender.clone()) {
             warn(&format!("{} is the host", link.peer));
+            self.telnet = Telnet::default();
             self.host = Host::Tcp(link);
         }
     }
@@ -419,11 +424,31 @@ impl Server {
             && link.number == number
         {
             link.chunk_received();
+            self.received_over_tcp(bytes);
+            return;
         } else {
             // From a link that was closed.
             return;
         }
         self.serial.put(bytes, &mut self.hand);
+    }
+
+    /// Bytes of a TCP host, with the commands of a Telnet client among them.
+    fn received_over_tcp(&mut self, bytes: &[u8]) {
+        let (mut heard, is_raw) = (Vec::new(), self.hand.io().is_raw());
+        self.telnet.accept(bytes, self.hand.now_us(), is_raw, |item| heard.push(item));
+        let mut text = Vec::new();
+        for item in heard {
+            match item {
+                Heard::Byte(byte) => text.push(byte),
+                Heard::Answer(answer) => self.output.extend(answer),
+                Heard::Break => {
+                    self.serial.put(&std::mem::take(&mut text), &mut self.hand);
+                    self.serial.put_break(&mut self.hand);
+                }
+            }
+        }
+        self.serial.put(&text, &mut self.hand);
     }
 
     fn terminal_link(&mut self, number: u64) -> Option<&mut Link> {

@@ -16,6 +16,7 @@ use super::event::{Event, NewClient, Protocol, bad};
 use super::link::Link;
 use crate::ports::output::warn;
 use crate::ports::thread;
+use wraptor::configure_tcp;
 
 /// Time for a refused client to read the reason and close.
 const REFUSAL_TIMEOUT: Duration = Duration::from_millis(100);
@@ -108,8 +109,8 @@ pub fn refuse(mut client: NewClient, why: &str) {
 /// can be started for it.
 pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> Option<Link> {
     let NewClient { stream, peer, protocol } = client;
-    // Answers are short and wanted at once. An error means that the client has disconnected.
-    stream.set_nodelay(true).ok()?;
+    // An error means that the client has disconnected.
+    configure_tcp(&stream).ok()?;
     let refused = stream.try_clone();
     match Link::new(number, peer.clone(), Arc::new(stream), events) {
         Ok(link) => Some(link),

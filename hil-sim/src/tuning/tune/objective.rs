@@ -4,12 +4,15 @@ use std::collections::BTreeMap;
 
 use std::fmt;
 
+use serde::Serialize;
 use tater_wire::MotorKind;
 
 use crate::experiment::input::BadInput;
 use crate::experiment::metrics::{self, Metric, Metrics, Value, Window};
 use crate::experiment::run::MotorRun;
-use crate::experiment::scenario::{Scenario, motor_name};
+use crate::experiment::scenario::{Case, Scenario, motor_name};
+use crate::world::plant::PlantParams;
+use crate::world::rig::RigParams;
 
 /// A kind of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +66,16 @@ pub struct Term {
     pub weight: f64,
 }
 
+/// The keys of a table that have another value than in a second one, as in an inline table of TOML.
+fn differing<T: Serialize>(of: &T, from: &T) -> String {
+    // Both are structs of numbers, which TOML can hold.
+    let table = |value: &T| toml::Table::try_from(value).unwrap_or_default();
+    let from = table(from);
+    let of = table(of);
+    let keys = of.iter().filter(|(key, value)| from.get(*key) != Some(*value));
+    keys.map(|(key, value)| format!("{key} = {value}")).collect::<Vec<String>>().join(", ")
+}
+
 /// Cost of a metric that a run does not have, such as the settling time of a rotor that does not settle.
 const ABSENT: f64 = 10.0;
 
@@ -108,10 +121,11 @@ impl Goal {
         Ok(Self { objective, text, scenario, terms: terms(objective) })
     }
 
-    /// The text with these values of properties set, so that it runs with them.
+    /// The text with these values of properties set, and with the scenario's plant and sensors, so that it runs with them.
     #[must_use]
     pub fn text_with(&self, values: &[(&str, i64)]) -> String {
-        let written = self.text.split_once("set = { ").and_then(|(before, after)| {
+        let text = self.text_with_figures();
+        let written = text.split_once("set = { ").and_then(|(before, after)| {
             let (own, after) = after.split_once(" }")?;
             Some((before, own, after))
         });
@@ -125,8 +139,24 @@ impl Goal {
         match written {
             Some((before, _, after)) => format!("{before}{set}{after}"),
             // Top-level keys come before the first table.
-            None => self.text.replacen("\nduration_ms", &format!("\n{set}\nduration_ms"), 1),
+            None => text.replacen("\nduration_ms", &format!("\n{set}\nduration_ms"), 1),
         }
+    }
+
+    /// The text with the plant and the sensors as the scenario has them: `--plant`, `--rig` and `--supply` may have changed them.
+    fn text_with_figures(&self) -> String {
+        let Some(Case { motor, plant, .. }) = self.scenario.cases.first() else { return self.text.clone() };
+        let plant = differing(plant, &PlantParams::for_motor(*motor));
+        let rig = differing(&self.scenario.rig, &RigParams::default());
+        let is_own = |line: &&str| !line.starts_with("plant = {");
+        let mut text: String = self.text.split_inclusive('\n').filter(is_own).collect();
+        for (name, keys) in [("plant", plant), ("rig", rig)] {
+            if !keys.is_empty() {
+                let line = format!("\n{name} = {{ {keys} }}\nduration_ms");
+                text = text.replacen("\nduration_ms", &line, 1);
+            }
+        }
+        text
     }
 
     /// Whether a run broke a limit: the first that it broke, in words.

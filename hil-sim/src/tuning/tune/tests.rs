@@ -182,3 +182,26 @@ fn written_scenarios_have_the_values_found() {
         assert_eq!(["MV", "KP", "HOLD"].map(value), [321, 70, 0], "{text}");
     }
 }
+
+/// `hil-sim run` of a written scenario simulates the motor that was tuned, not the standard one.
+#[test]
+fn written_scenarios_have_the_plant_and_the_sensors_of_the_search() {
+    let figures = [
+        ("plant", "r_ohm=2.406"),
+        ("plant", "inertia=1.4x"),
+        ("plant", "ke_v_s=0.05834"),
+        ("rig", "hall_offset_deg=7"),
+        ("rig", "rise_delay=20"),
+        ("supply", "volts=22"),
+    ];
+    for objective in [Objective::Move, Objective::Step, Objective::Velocity, Objective::Grasp] {
+        for motor in [MotorKind::Link, MotorKind::Spread, MotorKind::Tip] {
+            let mut goal = Goal::new(objective, motor).expect("valid");
+            goal.scenario.override_figures(&figures).unwrap_or_else(|bad| panic!("{bad}"));
+            let text = goal.text_with(&[("KP", 70)]);
+            let scenario = Scenario::parse("written", &text).unwrap_or_else(|bad| panic!("{bad}"));
+            assert_eq!(scenario.cases[0].plant, goal.scenario.cases[0].plant, "{text}");
+            assert_eq!(scenario.rig, goal.scenario.rig, "{text}");
+        }
+    }
+}
