@@ -377,3 +377,26 @@ fn packets_keep_up_with_38400_baud() {
     // 3840 bytes a second; the first packet's frame and the last poll cost under 2 %.
     assert!(sets > 0.97 * 3840.0 / 7.0 && long > 0.97 * 3840.0 / 11.0, "{sets} {long}");
 }
+
+/// MODE 5 that a host orders itself, by a line or by a packet, ends in mode 3 whatever HOLD is (manual 3, step 11); GCL's motion commands and CMD
+/// apply HOLD (manual 5.3.4).
+#[test]
+fn mode_5_of_a_host_holds_and_gcl_applies_hold() {
+    for (hold, after) in [(0, Mode::Idle), (1, Mode::Pid)] {
+        let mut session = awake(&[("HI", "")]);
+        assert_eq!(session.run(&format!("SFSET HOLD {hold}")), "");
+        assert_answers(&mut session, &[("4 S E 82", ""), ("4 S M 5", "")]);
+        assert_eq!(session.read_to_prompt(), "\r\n\r4 MODE=3\r\n\r=> ", "HOLD {hold}");
+        let order = [set(node(4), Property::E, 40), set(node(4), Property::MODE, 5)].concat();
+        assert_eq!(session.exchange_text(&order, 3_000_000), "|4 MODE=3|4 END=1", "HOLD {hold}");
+        assert_eq!(mode(&session, 4), Mode::Pid, "HOLD {hold}");
+        for line in ["SM 550", "SC", "SO", "SIC 500", "SHOME", "SMDEG 20", "SMPER 30"] {
+            assert_eq!(session.run(line), "", "{line}");
+            assert_eq!(mode(&session, 4), after, "{line} with HOLD {hold}");
+        }
+        // O by CMD.
+        assert_answers(&mut session, &[("4 S CMD 20", "")]);
+        let report = if hold == 0 { "\r\n\r4 MODE=0\r\n\r=> " } else { "\r\n\r4 MODE=3\r\n\r=> " };
+        assert_eq!(session.read_to_prompt(), report, "CMD with HOLD {hold}");
+    }
+}
