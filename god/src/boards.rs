@@ -11,8 +11,9 @@ use crate::io::Io;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 
-/// Time limit of an answer, µs: it takes half a millisecond, and 40 ms while the board erases a page (docs/wire.md).
-pub(crate) const ANSWER_US: u64 = 60_000;
+/// Time limit of an answer, µs: it takes half a millisecond, and 40 ms while the board erases a page (docs/wire.md). What the owner's way to the
+/// bus takes comes on top ([`Io::set_link_us`]).
+const ANSWER_US: u64 = 60_000;
 
 const TRIES: usize = 3;
 
@@ -183,7 +184,7 @@ impl<'a> Boards<'a> {
             }
             self.drain();
             self.ask(missing, property).await;
-            let deadline = self.io.after_us(ANSWER_US);
+            let deadline = self.io.after_us(self.answer_us());
             while !motors.difference(answers.motors()).is_empty() {
                 let Some(frame) = self.io.receive(deadline).await else { break };
                 match parse_report(&frame) {
@@ -222,13 +223,18 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// Marks the question as asked, unless it has been for less than [`ANSWER_US`].
+    /// Time limit of an answer, µs.
+    pub(crate) const fn answer_us(&self) -> u64 {
+        ANSWER_US.saturating_add(self.io.link_us())
+    }
+
+    /// Marks the question as asked, unless it has been for less than [`Self::answer_us`].
     fn is_to_be_asked(&self, motor: Motor, property: Property) -> bool {
         let now_us = self.io.now_us();
         let mut boards = self.boards.borrow_mut();
         let board = boards.get_mut(motor.index());
         let Some(asked_us) = board.and_then(|board| board.asked_us.get_mut(property)) else { return true };
-        let is_owed = asked_us.is_some_and(|asked_us| now_us < asked_us.saturating_add(ANSWER_US));
+        let is_owed = asked_us.is_some_and(|asked_us| now_us < asked_us.saturating_add(self.answer_us()));
         if !is_owed {
             *asked_us = Some(now_us);
         }
@@ -256,7 +262,7 @@ impl<'a> Boards<'a> {
     /// A board's answers since [`Self::ask_ahead`]. Asks once more if they are late and the bus is up. `None` if some are still missing.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
         // All boards were asked at that time.
-        let mut deadline = self.asked_us.get().saturating_add(ANSWER_US);
+        let mut deadline = self.asked_us.get().saturating_add(self.answer_us());
         for is_first in [true, false] {
             loop {
                 let found =
@@ -273,7 +279,7 @@ impl<'a> Boards<'a> {
             for property in wanted.properties() {
                 self.ask(Motors::only(motor), property).await;
             }
-            deadline = self.io.after_us(ANSWER_US);
+            deadline = self.io.after_us(self.answer_us());
         }
         for property in wanted.properties() {
             self.io.record(EventKind::NoAnswer { motor, property });
@@ -503,6 +509,21 @@ mod tests {
         let answers = answers.take().expect("both have answered");
         assert_eq!([1, 2].map(|number| answers.get(motor(number))), [Some(5), Some(5)]);
         assert_eq!([1, 2].map(|number| boards.take_reported(motor(number)).mode), [Some(3), None]);
+    }
+
+    #[test]
+    fn link_of_the_owner_gives_boards_more_time() {
+        let io = Io::default();
+        io.set_link_us(250_000);
+        let boards = Boards::new(&io);
+        let one = Motors::only(motor(1));
+        let mut question = pin!(boards.get(one, Property::P));
+        assert_eq!(io::poll(question.as_mut(), &io, 1000), 1000 + io::SEND_US, "the frame has to leave");
+        assert!(io.pop_frame().is_some());
+        assert_eq!(io::poll(question.as_mut(), &io, 61_000), 311_000);
+        io.push_frame(&report(1, Property::P, -5));
+        io::poll(question, &io, 310_999);
+        assert_eq!(io.pop_frame(), None, "it has not asked again");
     }
 
     #[test]

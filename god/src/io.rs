@@ -107,6 +107,8 @@ pub struct Io {
     baud: Cell<u16>,
     /// Temperature of this board, 0.1 °C.
     temperature: Cell<i16>,
+    /// Longest time that the owner's way to the bus adds to an answer, µs.
+    link_us: Cell<u64>,
     lost_bytes: Cell<u32>,
     lost_frames: Cell<u32>,
     events: EventLog,
@@ -226,6 +228,12 @@ impl Io {
         self.temperature.set(temperature);
     }
 
+    /// Sets how long the owner's way to the bus may delay an answer, µs: 0 for a CAN controller, more for an adapter on a network or a machine that
+    /// runs other programs. Boards get so much more time before they count as silent.
+    pub fn set_link_us(&self, us: u64) {
+        self.link_us.set(us);
+    }
+
     /// The host disconnected, and a new one may come: drops what is unread in both directions and aborts the running command.
     pub fn hang_up(&self) {
         self.tx.borrow_mut().clear();
@@ -299,6 +307,11 @@ impl Io {
 
     pub(crate) const fn after_us(&self, us: u64) -> u64 {
         self.now_us.get().saturating_add(us)
+    }
+
+    /// Longest time that the owner's way to the bus adds to an answer, µs.
+    pub(crate) const fn link_us(&self) -> u64 {
+        self.link_us.get()
     }
 
     /// Temperature of GOD's board, 0.1 °C.

@@ -261,7 +261,8 @@ impl Motion<'_, '_> {
     fn find_silent(&mut self) {
         for motor in self.moving().iter() {
             let received_us = self.god.boards.received_us(motor).max(self.started_us);
-            if self.god.io.now_us() >= received_us.saturating_add(LOST_US) {
+            let lost_us = LOST_US.saturating_add(self.god.io.link_us());
+            if self.god.io.now_us() >= received_us.saturating_add(lost_us) {
                 self.set_share(motor, Share::Silent);
             }
         }

@@ -7,7 +7,7 @@
 
 use tater_wire::{Body, Destination, Frame, Group, Message, Node, Property};
 
-use crate::boards::{ANSWER_US, parse_report};
+use crate::boards::parse_report;
 use crate::framing::Packet;
 use crate::god::God;
 use crate::motors::{Motor, Motors};
@@ -45,7 +45,7 @@ pub(crate) async fn place(god: &God<'_>, packet: &Packet) -> Status {
     }
     let is_get = matches!(message.map(|message| message.body), Some(Body::Get(_)));
     let answers = if is_get { to.iter().map(|_| 1).sum() } else { 0 };
-    god.session.passes_packet(answers, god.io.after_us(ANSWER_US));
+    god.session.passes_packet(answers, god.io.after_us(god.boards.answer_us()));
     if god.io.send(frame).await.is_err() {
         return Status::NO_BOARD;
     }
