@@ -6,7 +6,7 @@ use tater_wire::Frame;
 
 use crate::deadline::Deadline;
 use crate::error::{Cause, Failure};
-use crate::port::Port;
+use crate::port::{Port, Waker};
 use crate::slcan::Slcan;
 
 /// An open adapter.
@@ -59,7 +59,16 @@ impl Adapter {
         })
     }
 
-    /// The next frame; `None` at the deadline.
+    /// What ends a wait of [`Self::receive`] from another thread.
+    pub fn waker(&self) -> Waker {
+        match self {
+            Self::Slcan(slcan) => slcan.waker(),
+            #[cfg(target_os = "linux")]
+            Self::Can(port) => port.waker(),
+        }
+    }
+
+    /// The next frame; `None` at the deadline, or before it after [`Waker::wake`].
     ///
     /// # Errors
     /// The adapter is gone.

@@ -342,7 +342,8 @@ impl Bus {
                 1 | 5 => return Ok(()),
                 end => {
                     let error = self.try_get(node, Property::ERROR, deadline)?;
-                    return Err(Failure::NotReached { node, end, fault: FaultCode::of(error) });
+                    let fault = FaultCode::of(error);
+                    return Err(Failure::NotReached { node, end, fault, stop: None });
                 }
             }
             let rest = deadline.within(POLL);

@@ -167,6 +167,8 @@ pub enum Failure {
     Status(Status),
     /// Boards do not answer.
     Silent(Vec<Node>),
+    /// Boards are in their monitors, where they obey nothing else.
+    Asleep(Vec<Node>),
     /// The adapter refuses to send: another host is on the bus, or the adapter's queue is full.
     Refused,
     /// A board does not hold the value that was set.
@@ -184,6 +186,8 @@ pub enum Failure {
         end: i64,
         /// The fault, if one stopped it.
         fault: Option<FaultCode>,
+        /// The joint's own stop, hall counts, if it stands there: no object has stopped it.
+        stop: Option<i64>,
     },
     /// A download ended without the new application. The old one is there, unless the error says otherwise.
     Download {
@@ -212,6 +216,7 @@ impl Failure {
             }
             Self::Status(_) => "correct the cause named above, and call again".to_owned(),
             Self::Silent(_) => "check the boards' power, the CAN cable and other hosts on the bus".to_owned(),
+            Self::Asleep(_) => "wake them (WAKE)".to_owned(),
             Self::Refused => {
                 "check that a board is on the bus, since the adapter's queue stays full while nobody acknowledges; end the bus's other \
                  host (a hand's GOD is one: through it, use Hand)"
@@ -222,6 +227,7 @@ impl Failure {
                     .to_owned()
             }
             Self::NotReached { fault: Some(fault), .. } => fault.row().next.to_owned(),
+            Self::NotReached { stop: Some(_), .. } => "give it a position within its joint's range".to_owned(),
             Self::Download { error, .. } => error.next_step().to_owned(),
             Self::NotReached { .. } => "see docs/servo.md for the reason, and call again".to_owned(),
             Self::Unexpected(_) => "connect again; report it if it comes back".to_owned(),
@@ -245,7 +251,15 @@ impl fmt::Display for Failure {
             Self::Silent(nodes) => write!(f, "no answer from {}", Nodes(nodes)),
             Self::Refused => write!(f, "the adapter refuses to send"),
             Self::NotTaken { node, found } => write!(f, "node {} holds {found}", node.number()),
-            Self::NotReached { node, end, fault } => {
+            Self::Asleep(nodes) => write!(f, "asleep: {}", Nodes(nodes)),
+            Self::NotReached { node, stop: Some(stop), .. } => {
+                write!(
+                    f,
+                    "node {}: its joint's own stop ended the move, at {stop} hall counts",
+                    node.number()
+                )
+            }
+            Self::NotReached { node, end, fault, stop: None } => {
                 let reason = tater_wire::end::ROWS.iter().find(|row| i64::from(row.code) == *end);
                 let reason = reason.map_or("it has not begun", |row| row.meaning);
                 write!(f, "node {}: {reason}", node.number())?;

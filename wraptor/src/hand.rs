@@ -91,11 +91,13 @@ impl Canceller {
     }
 }
 
-/// A connection to a hand's GOD, as its one host.
+/// A connection to a hand, as its one host: to its GOD, or by CAN to its motor boards.
 pub struct Hand {
     session: Session,
     place: String,
     version: u16,
+    /// Whether a board GOD is between this program and the motor boards; by CAN there is none.
+    has_god: bool,
     /// Whether a canceller was used since the last move of fingers began.
     was_cancelled: Arc<AtomicBool>,
 }
@@ -123,6 +125,17 @@ impl Hand {
     #[must_use]
     pub fn canceller(&self) -> Canceller {
         Canceller { out: self.session.port().out(), was_used: Arc::clone(&self.was_cancelled) }
+    }
+
+    /// # Errors
+    /// By CAN: there is no board GOD.
+    fn needs_god(&self) -> Result<(), Failure> {
+        match self.has_god {
+            true => Ok(()),
+            false => Err(Failure::Invalid(
+                "a connection over TCP or a serial port; by CAN there is no GOD".to_owned(),
+            )),
+        }
     }
 
     /// Closes the connection. As dropping it: motors stop, but after bytes of [`Self::write`] that no call has followed, which the hand finishes.
@@ -285,19 +298,6 @@ impl Hand {
         self.motion("", "HI", limit, progress)
     }
 
-    /// Finds the stops of some motors (the manual's findZero).
-    ///
-    /// # Errors
-    /// The same.
-    pub fn find_zero(
-        &mut self,
-        motors: &str,
-        limit: Duration,
-        progress: OnProgress,
-    ) -> Result<(), CallError> {
-        self.motion(motors, "HI", limit, progress)
-    }
-
     /// Closes motors to CT, or until they are stopped (C). `motors` is a prefix of the language: `13`, `G`, `S`, `X15`, or empty for all with EN.
     ///
     /// # Errors
@@ -365,14 +365,23 @@ impl Hand {
     /// A property of boards, in the units of docs/properties.md. `nodes` is of the digits 1 to 7.
     ///
     /// # Errors
-    /// [`Failure::Silent`]: some do not answer; those of every call.
+    /// [`Failure::Asleep`], [`Failure::Silent`]: some do not answer; those of every call.
     pub fn get(
         &mut self,
         nodes: &str,
         property: Property,
         limit: Duration,
     ) -> Result<Vec<(Node, i64)>, CallError> {
-        self.get_with(nodes, property, limit, &mut no_progress)
+        let deadline = Deadline::after(limit);
+        self.get_with(nodes, property, limit, &mut no_progress).map_err(|error| match error.failure {
+            Failure::Silent(silent) => {
+                let asleep = self.asleep(&silent, &deadline);
+                let failure =
+                    if asleep.is_empty() { Failure::Silent(silent) } else { Failure::Asleep(asleep) };
+                CallError { failure, ..error }
+            }
+            _ => error,
+        })
     }
 
     /// The same with progress, without values, by which it can be cancelled.
@@ -406,6 +415,20 @@ impl Hand {
             (true, false) => Err(failed(Failure::Status(answer.status))),
             (false, _) => Err(failed(Failure::Silent(silent))),
         }
+    }
+
+    /// Those of silent boards that are in their monitors, as far as the limit allows to ask.
+    fn asleep(&mut self, silent: &[Node], deadline: &Deadline) -> Vec<Node> {
+        if deadline.is_over() {
+            return Vec::new();
+        }
+        // A connection that is lost now shows at the next call.
+        let states = self.boards(deadline.remaining()).unwrap_or([BoardState::Silent; 7]);
+        let is_asleep = |node: &&Node| {
+            let index = usize::from(node.number()).checked_sub(1);
+            index.and_then(|index| states.get(index)) == Some(&BoardState::Asleep)
+        };
+        silent.iter().filter(is_asleep).copied().collect()
     }
 
     /// Sets a property of boards, in the units of docs/properties.md.
@@ -519,11 +542,14 @@ impl Hand {
     /// A parameter of the hand (PGET).
     ///
     /// # Errors
-    /// An unknown name, before anything is sent; those of every call.
+    /// An unknown name, and TEMP and PTEMP by CAN, before anything is sent; those of every call.
     pub fn hand_parameter(&mut self, name: &str, limit: Duration) -> Result<i64, CallError> {
         let line = format!("PGET {}", name.to_ascii_uppercase());
         if parameter::hand(&name.to_ascii_uppercase()).is_none() {
             return Err(CallError { call: line, failure: unknown(name, "PLISTA") });
+        }
+        if ["TEMP", "PTEMP"].contains(&name.to_ascii_uppercase().as_str()) {
+            self.needs_god().map_err(|failure| CallError { call: line.clone(), failure })?;
         }
         let lines = self.ask(&line, limit)?;
         let number = numbers(&line, &lines)?.first().copied();
@@ -546,7 +572,7 @@ impl Hand {
     /// The temperature of GOD's board, °C.
     ///
     /// # Errors
-    /// Those of every call.
+    /// There is none by CAN; those of every call.
     pub fn temperature(&mut self, limit: Duration) -> Result<f64, CallError> {
         self.hand_parameter("TEMP", limit).map(|tenths| tenths as f64 / 10.0)
     }

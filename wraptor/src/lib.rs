@@ -12,7 +12,7 @@
 //! | [`download`] | how far a download has come |
 //! | [`turns`] | one connection for several threads |
 //! | `error` | [`ConnectError`], [`CallError`] |
-//! | `session`, `adapter`, `slcan`, `port`, `deadline` | lines, adapters, connections, time; from the top down |
+//! | `session`, `interpreter`, `adapter`, `slcan`, `port`, `deadline` | lines, GOD in this program, adapters, connections, time; from the top down |
 //!
 //! # Example
 //! ```no_run
@@ -36,6 +36,7 @@ pub mod download;
 mod error;
 pub mod firmware;
 pub mod hand;
+mod interpreter;
 mod port;
 mod session;
 mod slcan;

@@ -1,4 +1,4 @@
-//! A connection with its reader thread: TCP, a serial port or a CAN interface.
+//! A connection with its reader thread: TCP, a serial port, a CAN interface, or an interpreter in this program.
 //!
 //! The thread waits in the kernel and passes on what arrives; it ends with its [`Port`], which joins it. Bytes come through a channel, because a
 //! socket's own time limit is rounded up to the kernel's tick, 4 ms or more.
@@ -15,10 +15,14 @@ use tater_wire::Frame;
 use crate::deadline::Deadline;
 use crate::error::{Cause, whole_ms};
 
+mod event;
+mod inbox;
 mod tcp;
 #[cfg(unix)]
 mod waiting;
 
+pub(crate) use event::{Event, Waker};
+pub(crate) use inbox::Inbox;
 pub use tcp::configure_tcp;
 pub(crate) use tcp::negotiates_telnet;
 
@@ -28,11 +32,9 @@ const CHUNKS: usize = 256;
 /// Size of a chunk, bytes.
 const CHUNK: usize = 4096;
 
-pub(crate) enum Event {
-    Bytes(Vec<u8>),
-    Frame(Frame),
-    Gone(String),
-}
+/// Names of the threads.
+const READER: &str = "wraptor-reader";
+const INTERPRETER: &str = "wraptor-god";
 
 /// The sending side.
 pub(crate) enum Out {
@@ -41,6 +43,7 @@ pub(crate) enum Out {
     Tty(std::fs::File),
     #[cfg(target_os = "linux")]
     Can(socketcan::CanSocket),
+    Inside(Inbox),
 }
 
 impl Out {
@@ -76,13 +79,25 @@ impl Out {
             Self::Tty(tty) => waiting::write(tty, bytes, deadline),
             #[cfg(target_os = "linux")]
             Self::Can(_) => Err(ErrorKind::Unsupported.into()),
+            Self::Inside(inbox) => inbox.write(bytes, deadline),
         }
+    }
+}
+
+/// Tells the end of a reader, also by a panic.
+struct End(SyncSender<Event>);
+
+impl Drop for End {
+    fn drop(&mut self) {
+        // Nobody waits for it if the port is dropped.
+        let _ = self.0.send(Event::Gone("the reader has ended".to_owned()));
     }
 }
 
 /// A connection. Dropping it closes it and joins its reader.
 pub(crate) struct Port {
     out: Arc<Out>,
+    waker: SyncSender<Event>,
     events: Option<Receiver<Event>>,
     reader: Option<JoinHandle<()>>,
     /// Its end ends a reader that TCP's shutdown does not.
@@ -117,11 +132,10 @@ impl Port {
         let from = Arc::clone(&out);
         let next = move || match &*from {
             Out::Tcp(stream) => bytes(stream).map(Some),
-            #[allow(unreachable_patterns, reason = "elsewhere than on Unix a connection is TCP")]
             _ => Ok(None),
         };
-        let read = move |events| pass_on(&events, next);
-        Self::start(out, None, read).map_err(|error| Cause::System(error.to_string()))
+        let read = move |events: &_| pass_on(events, next);
+        Self::start(out, None, READER, read).map_err(|error| Cause::System(error.to_string()))
     }
 
     /// Opens a serial port in raw mode at so many baud.
@@ -151,24 +165,56 @@ impl Port {
         let (dropped, alive) = io::pipe()?;
         let out = Arc::new(out);
         let from = Arc::clone(&out);
-        Self::start(out, Some(alive), move |events| pass_on(&events, || next(&from, &dropped)))
+        Self::start(out, Some(alive), READER, move |events| pass_on(events, || next(&from, &dropped)))
+    }
+
+    /// Runs an interpreter in a thread of its own: it takes the bytes that are written here, sends events, and ends when its [`Inbox`] is closed.
+    /// `waker` ends its wait.
+    ///
+    /// # Errors
+    /// The system refuses a thread.
+    pub fn inside(
+        waker: Waker,
+        run: impl FnOnce(&Inbox, &SyncSender<Event>) + Send + 'static,
+    ) -> Result<Self, Cause> {
+        let out = Arc::new(Out::Inside(Inbox::new(waker)));
+        let from = Arc::clone(&out);
+        let read = move |events: &_| {
+            if let Out::Inside(inbox) = &*from {
+                run(inbox, events);
+                inbox.end();
+            }
+        };
+        Self::start(out, None, INTERPRETER, read).map_err(|error| Cause::System(error.to_string()))
     }
 
     fn start(
         out: Arc<Out>,
         alive: Option<io::PipeWriter>,
-        read: impl FnOnce(SyncSender<Event>) + Send + 'static,
+        name: &str,
+        read: impl FnOnce(&SyncSender<Event>) + Send + 'static,
     ) -> io::Result<Self> {
         let (sender, events) = sync_channel(CHUNKS);
-        let reader = thread::Builder::new().name("wraptor-reader".to_owned()).spawn(move || read(sender))?;
+        let waker = sender.clone();
+        let run = move || {
+            let end = End(sender);
+            read(&end.0);
+        };
+        let reader = thread::Builder::new().name(name.to_owned()).spawn(run)?;
         Ok(Self {
             out,
+            waker,
             events: Some(events),
             reader: Some(reader),
             alive,
             gone: None,
             process: std::process::id(),
         })
+    }
+
+    /// What ends a wait of [`Self::receive`] from another thread.
+    pub fn waker(&self) -> Waker {
+        Waker::new(self.waker.clone())
     }
 
     /// The sending side, for a canceller that does not keep the port open.
@@ -196,11 +242,11 @@ impl Port {
     pub fn send(&self, frame: &Frame, deadline: &Deadline) -> io::Result<()> {
         match &*self.out {
             Out::Can(socket) => waiting::send(socket, frame, deadline),
-            Out::Tcp(_) | Out::Tty(_) => Err(ErrorKind::Unsupported.into()),
+            Out::Tcp(_) | Out::Tty(_) | Out::Inside(_) => Err(ErrorKind::Unsupported.into()),
         }
     }
 
-    /// What arrives next; `None` at the deadline.
+    /// What arrives next; `None` at the deadline, or before it after [`Waker::wake`].
     ///
     /// # Errors
     /// The other side is gone: why.
@@ -214,6 +260,7 @@ impl Port {
         let Some(events) = &self.events else { return Ok(None) };
         let why = match events.recv_timeout(deadline.remaining()) {
             Ok(Event::Gone(why)) => why,
+            Ok(Event::Woken) => return Ok(None),
             Ok(event) => return Ok(Some(event)),
             Err(RecvTimeoutError::Timeout) => return Ok(None),
             Err(RecvTimeoutError::Disconnected) => "the reader has ended".to_owned(),
@@ -232,11 +279,17 @@ impl Drop for Port {
         }
         // A reader that waits for room in the channel ends with the receiver.
         self.events = None;
-        #[allow(irrefutable_let_patterns, reason = "elsewhere than on Unix a connection is TCP")]
-        if let Out::Tcp(stream) = &*self.out {
-            // What was written last still arrives. An error: it is closed already, and the reader has ended.
-            let _ = reset_at_close(stream, false);
-            let _ = stream.shutdown(Shutdown::Both);
+        match &*self.out {
+            Out::Tcp(stream) => {
+                // What was written last still arrives. An error: it is closed already, and the reader has ended.
+                let _ = reset_at_close(stream, false);
+                let _ = stream.shutdown(Shutdown::Both);
+            }
+            Out::Inside(inbox) => inbox.close(),
+            #[cfg(unix)]
+            Out::Tty(_) => {}
+            #[cfg(target_os = "linux")]
+            Out::Can(_) => {}
         }
         self.alive = None;
         if let Some(reader) = self.reader.take() {
@@ -332,6 +385,7 @@ fn next(from: &Out, dropped: &io::PipeReader) -> io::Result<Option<Event>> {
         Out::Tty(tty) => tty.as_fd(),
         #[cfg(target_os = "linux")]
         Out::Can(socket) => socket.as_fd(),
+        Out::Inside(_) => return Err(ErrorKind::Unsupported.into()),
     };
     if !waiting::is_readable(file, dropped)? {
         return Ok(None);
@@ -344,6 +398,7 @@ fn next(from: &Out, dropped: &io::PipeReader) -> io::Result<Option<Event>> {
             Some(frame) => Ok(Some(Event::Frame(frame))),
             None => Err(ErrorKind::Interrupted.into()),
         },
+        Out::Inside(_) => Err(ErrorKind::Unsupported.into()),
     }
 }
 

@@ -153,7 +153,7 @@ impl Session {
                     return Err(Failure::Lost("a device server negotiates Telnet options".to_owned()));
                 }
             }
-            Ok(Some(Event::Frame(_) | Event::Gone(_))) => {}
+            Ok(Some(Event::Frame(_) | Event::Gone(_) | Event::Woken)) => {}
             Ok(None) => return Ok(false),
             Err(why) => return Err(Failure::Lost(why)),
         }
@@ -289,6 +289,7 @@ impl Session {
         cancel_aborts: bool,
         on_tick: OnTick,
     ) -> Result<Answer, Failure> {
+        let line = &*blanks(line);
         check(line)?;
         self.catch_up(deadline)?;
         // Until its prompt has come.
@@ -421,6 +422,11 @@ impl Session {
             }
         }
     }
+}
+
+/// A line whose tabs are blanks: white space is free in both grammars, and the hand echoes no tab.
+fn blanks(line: &str) -> String {
+    line.replace('\t', " ")
 }
 
 /// Refuses what the hand would drop or read as something else.

@@ -6,7 +6,7 @@ use tater_wire::Frame;
 
 use crate::deadline::Deadline;
 use crate::error::{Cause, Failure, beginning};
-use crate::port::{Event, Port};
+use crate::port::{Event, Port, Waker};
 
 /// Longest valid line, bytes: a frame of eight bytes with a time-stamp, or an error text.
 const LONGEST: usize = 200;
@@ -64,6 +64,11 @@ impl Slcan {
             }
         }
         Ok(slcan)
+    }
+
+    /// What ends a wait of [`Self::receive`] from another thread.
+    pub fn waker(&self) -> Waker {
+        self.port.waker()
     }
 
     /// Sends a frame. A refusal shows up later, in [`Self::has_refused`].

@@ -395,3 +395,31 @@ fn parameters_are_saved_by_board_and_of_the_hand() {
         assert!(matches!(failure(hand.save_nodes(nodes, HANGS)), Failure::Invalid(_)), "{nodes}");
     }
 }
+
+/// A link that is sent beyond its stop stands there: that is no object. One step before it a move arrives.
+#[test]
+fn move_that_ends_at_the_joints_own_stop_says_so() {
+    let (_served, mut hand) = fast();
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    let ended = hand.move_halls("1", 345, HANGS, &mut no_progress);
+    let ended = ended.expect_err("the stop stands at 338").to_string();
+    assert!(ended.contains("node 1: its joint's own stop ended the move, at 338 hall counts"), "{ended}");
+    assert!(!ended.contains("object"), "{ended}");
+}
+
+#[test]
+fn sleeping_board_is_told_from_a_silent_one() {
+    let served = Served::fast_hand();
+    let mut hand = Connect::tcp(served.place("gcl")).boards(Boards::Any).connect(HANGS).expect("connected");
+    let asleep = hand.get("34", Property::TEMP, HANGS).expect_err("they sleep");
+    let node = |number| Node::new(number).expect("a node");
+    assert_eq!(asleep.failure, Failure::Asleep(vec![node(3), node(4)]));
+    assert!(asleep.to_string().contains("wake them (WAKE)"), "{asleep}");
+}
+
+#[test]
+fn tabs_are_blanks() {
+    let (_served, mut hand) = fast();
+    assert_eq!(hand.command("4\tS\tMT\t500", HANGS), Ok(vec![]));
+    assert_eq!(hand.command("4\tG\tMT", HANGS), Ok(vec!["4 MT=500".to_owned()]));
+}

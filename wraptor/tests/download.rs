@@ -47,6 +47,16 @@ fn hand_downloads_to_several_boards_with_progress() {
     assert_eq!(hand.get("1", Property::STAT, HANGS), Ok(vec![(node(1), 2)]));
 }
 
+/// By CAN packets of the session become frames in this program.
+#[test]
+fn hand_by_can_downloads() {
+    let served = Served::new(&["bus", "--nodes", "1-7", "--slcan", "127.0.0.1:0"], 1);
+    let mut hand = Connect::can(served.place("slcan")).boards(Boards::Any).connect(HANGS).expect("connected");
+    hand.download("2", &firmware(2048), LIMIT, &mut |_| ControlFlow::Continue(())).expect("it runs it");
+    let states = hand.boards(HANGS).expect("states");
+    assert_eq!(states[..2], [BoardState::Asleep, BoardState::Ready]);
+}
+
 #[test]
 fn damaged_file_is_refused_before_anything_is_sent() {
     let whole = tek(512, 601);

@@ -3,11 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use tater_wire::Node;
+use tater_wire::{Destination, Group, Message, Node, Property};
 
 use super::{BoardState, Hand};
+use crate::adapter::Adapter;
 use crate::deadline::Deadline;
 use crate::error::{CallError, Cause, ConnectError, Failure, beginning};
+use crate::interpreter;
 use crate::port::Port;
 use crate::session::Session;
 
@@ -34,11 +36,19 @@ pub enum Boards {
     Any,
 }
 
+/// Time of an adapter to refuse a frame: a network's way there and back.
+const REFUSED: Duration = Duration::from_millis(100);
+
 enum Line {
     Tcp,
     #[cfg(unix)]
     Serial(u32),
+    Can,
 }
+
+/// Baud rate of a serial adapter whose place has none. Adapters on USB have none of their own.
+#[cfg(unix)]
+const BAUD: u32 = 115_200;
 
 /// How to connect to a hand.
 pub struct Connect {
@@ -61,6 +71,13 @@ impl Connect {
         Self { place: path.to_owned(), line: Line::Serial(baud), boards: Boards::Wake }
     }
 
+    /// Over CAN, without GOD: this program interprets the hand's language itself, and is the bus's one host. `place` is a CAN interface of Linux that
+    /// is up at 1 Mbit/s (`can0`), or an SLCAN adapter over TCP (`HOST:PORT`) or on a serial port (`/dev/ttyACM0`, `/dev/ttyUSB0@57600`).
+    #[must_use]
+    pub fn can(place: &str) -> Self {
+        Self { place: place.to_owned(), line: Line::Can, boards: Boards::Wake }
+    }
+
     /// What the motor boards must be; [`Boards::Wake`] unless it is called.
     #[must_use]
     pub const fn boards(mut self, boards: Boards) -> Self {
@@ -76,7 +93,9 @@ impl Connect {
         let deadline = Deadline::after(limit);
         let failed = |cause| ConnectError { place: self.place.clone(), cause };
         let session = self.open(&deadline).map_err(failed)?;
-        let mut hand = Hand { session, place: self.place.clone(), version: 0, was_cancelled: Arc::default() };
+        let has_god = !matches!(self.line, Line::Can);
+        let (place, was_cancelled) = (self.place.clone(), Arc::default());
+        let mut hand = Hand { session, place, version: 0, has_god, was_cancelled };
         hand.version = version(&mut hand, &deadline).map_err(failed)?;
         prepare(&mut hand, self.boards, &deadline).map_err(failed)?;
         Ok(hand)
@@ -89,6 +108,11 @@ impl Connect {
                 Line::Tcp => Port::tcp(&self.place, deadline)?,
                 #[cfg(unix)]
                 Line::Serial(baud) => Port::tty(&self.place, baud)?,
+                Line::Can => {
+                    let mut adapter = adapter(&self.place, deadline)?;
+                    require_right_to_send(&mut adapter, deadline)?;
+                    interpreter::start(adapter)?
+                }
             };
             let mut session = Session::new(port);
             match find_prompt(&mut session, deadline) {
@@ -99,6 +123,43 @@ impl Connect {
                 Err(cause) => return Err(cause),
             }
         }
+    }
+}
+
+/// Opens an adapter or an interface.
+fn adapter(place: &str, deadline: &Deadline) -> Result<Adapter, Cause> {
+    #[cfg(unix)]
+    if place.contains('/') {
+        let (path, baud) = place.rsplit_once('@').unwrap_or((place, ""));
+        return match (baud, baud.parse()) {
+            ("", _) => Adapter::slcan_serial(path, BAUD, deadline),
+            (_, Ok(baud)) => Adapter::slcan_serial(path, baud, deadline),
+            (_, Err(_)) => Err(Cause::BadAddress(format!("expected a baud rate after @, found {baud:?}"))),
+        };
+    }
+    #[cfg(target_os = "linux")]
+    if !place.contains(':') {
+        return Adapter::can(place);
+    }
+    Adapter::slcan(place, deadline)
+}
+
+/// Asks all boards for STAT: an adapter beside a hand's GOD refuses that, and nothing else would tell.
+fn require_right_to_send(adapter: &mut Adapter, deadline: &Deadline) -> Result<(), Cause> {
+    let gone = |failure: Failure| match failure {
+        Failure::TimedOut(limit) => Cause::Silent(limit),
+        Failure::Lost(why) => Cause::HungUp(why),
+        failure => Cause::HungUp(failure.to_string()),
+    };
+    let question = Message::get(Destination::Group(Group::TATERS), Property::STAT).frame();
+    adapter.set_refused(false);
+    adapter.send(&question, deadline).map_err(gone)?;
+    // Others may talk on the bus meanwhile.
+    let answered = deadline.within(REFUSED);
+    while adapter.receive(&answered).map_err(gone)?.is_some() {}
+    match adapter.set_refused(false) {
+        true => Err(Cause::InUse("the adapter refuses frames, because the bus has another host".to_owned())),
+        false => Ok(()),
     }
 }
 

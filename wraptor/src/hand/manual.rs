@@ -1,22 +1,32 @@
-//! The manual's functions (7) that are more than one line of the language: move, close, open, command, saveParameters.
+//! The manual's functions (7) that are more than one line of the language: findZero, move, close, open, command, saveParameters.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use god::Motors;
 use god::Status;
 use god::grammar::lower::Request;
 use god::grammar::{self, Statement};
+use god::motors::{Motor, Prefix};
 use god::units::tip_travel_along;
 use tater_wire::end::EndCode;
 use tater_wire::property::MotorKind;
-use tater_wire::{Cmd, FaultCode, ModeCode, Property};
+use tater_wire::{Cmd, FaultCode, ModeCode, Node, Property};
 
-use super::{Hand, OnProgress, POLL, Progress, of_step};
+use super::{Hand, NODES, OnProgress, POLL, Progress, of_step};
 use crate::deadline::Deadline;
 use crate::error::{CallError, Failure};
 
 /// Time that a board needs to write a SAVE to its flash, as GOD waits for it.
 const STORE: Duration = Duration::from_millis(100);
+
+/// How far a joint at its stop may seem to stand from it, hall counts: half a count outside, the stop's springs, and HI's own contact, which is
+/// within one count (decision 0048).
+const AT_STOP: i64 = 3;
+
+/// A motor that opens to its stop stands there when its position has not changed for so long; TSTOP, which ends the motion itself, may be 0. HI
+/// gives a stall 250 ms (decision 0009); hosts poll slowly.
+const STANDS: Duration = Duration::from_millis(500);
 
 /// The end of a move that reaches its goal. A breakaway does not: the link stays, and its tip closes alone.
 const REACHED: &[EndCode] = &[EndCode::Arrived];
@@ -34,6 +44,11 @@ struct Goals {
     ends: &'static [EndCode],
 }
 
+/// Motors as digits.
+fn digits(motors: Motors) -> String {
+    motors.iter().map(|motor| motor.number().to_string()).collect()
+}
+
 /// Whether a SET begins a move of mode 5. CMD's others reset, store or idle a board.
 fn begins_move(property: Property, value: i64) -> bool {
     match property {
@@ -46,6 +61,105 @@ fn begins_move(property: Property, value: i64) -> bool {
 }
 
 impl Hand {
+    /// Finds the stops of motors and moves them to 0 (the manual's findZero): links open to their stops, and wait there, out of the way, while the spread
+    /// opens and the tips close to theirs; they return to 0 last. `motors` is a prefix of the language: `13`, `G`, `S`, `X15`, or empty for all with
+    /// EN. The workspace must be clear. The progress has the positions of links that open.
+    ///
+    /// # Errors
+    /// ERR 4: a motor has not found its stop, while the others have; those of every call.
+    pub fn find_zero(
+        &mut self,
+        motors: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let failed = |failure| CallError { call: format!("find zero of {motors}"), failure };
+        let deadline = Deadline::after(limit);
+        let prefix = super::prefix(motors).map_err(failed)?;
+        let parsed = Prefix::parse(prefix.as_bytes()).unwrap_or_default();
+        let named = parsed.select(self.enabled(parsed, &deadline)?).motors();
+        let (links, others) = (named.intersection(Motors::LINKS), named.difference(Motors::LINKS));
+        if links.is_empty() || others.is_empty() {
+            return self.motion(motors, "HI", deadline.remaining(), progress).map_err(of_step(limit));
+        }
+        self.was_cancelled.store(false, Ordering::SeqCst);
+        // Wakes them, as HI does.
+        self.parameter(&format!("X{}", digits(named)), "EN", deadline.remaining()).map_err(of_step(limit))?;
+        let (links, others) = (digits(links), digits(others));
+        self.open_to_stops(&links, &deadline, progress).map_err(of_step(limit))?;
+        let mut sum = Status::OK;
+        for motors in [others, links] {
+            match self.motion(&format!("X{motors}"), "HI", deadline.remaining(), progress) {
+                Ok(()) => {}
+                // One bad finger does not keep the others from starting.
+                Err(CallError { failure: Failure::Status(status), .. }) => sum |= status,
+                Err(error) => return Err(of_step(limit)(error)),
+            }
+        }
+        if sum.is_ok() { Ok(()) } else { Err(failed(Failure::Status(sum))) }
+    }
+
+    /// The motors with EN, if a prefix asks for them.
+    fn enabled(&mut self, prefix: Prefix, deadline: &Deadline) -> Result<Motors, CallError> {
+        if prefix.given || prefix.exclusive {
+            return Ok(Motors::ALL);
+        }
+        let values = self.parameter(&format!("X{NODES}"), "EN", deadline.remaining())?;
+        let enabled = Motors::ALL.iter().zip(values).filter(|(_, value)| *value != 0);
+        Ok(enabled.map(|(motor, _)| motor).collect())
+    }
+
+    /// Drives links to their open stops as HI does, at IVEL, and switches them off there. One that cannot move is left to HI.
+    fn open_to_stops(
+        &mut self,
+        links: &str,
+        deadline: &Deadline,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        for (node, velocity) in self.get_with(links, Property::IVEL, deadline.remaining(), progress)? {
+            self.set(&node.number().to_string(), Property::V, velocity, deadline.remaining())?;
+        }
+        let outcome = self
+            .set(links, Property::MODE, ModeCode::Velocity.into(), deadline.remaining())
+            .and_then(|()| self.until_standing(links, deadline, progress))
+            .and_then(|()| self.set(links, Property::MODE, ModeCode::Idle.into(), deadline.remaining()));
+        if outcome.is_err() {
+            // A lost connection is the call's own failure already.
+            let _ = self.session.abort();
+        }
+        outcome
+    }
+
+    /// Polls until no link is in mode 4, or all stand.
+    fn until_standing(
+        &mut self,
+        links: &str,
+        deadline: &Deadline,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let failed = |failure| CallError { call: format!("open {links} to their stops"), failure };
+        let (mut last, mut stands) = (Vec::new(), deadline.within(STANDS));
+        loop {
+            let modes = self.get_with(links, Property::MODE, deadline.remaining(), progress)?;
+            let values = self.get_with(links, Property::P, deadline.remaining(), progress)?;
+            if values != last {
+                (last, stands) = (values.clone(), deadline.within(STANDS));
+            }
+            let is_cancelled = progress(&Progress { elapsed: deadline.elapsed(), values }).is_break();
+            if is_cancelled || self.was_cancelled.load(Ordering::SeqCst) {
+                return Err(failed(Failure::Cancelled));
+            }
+            if deadline.is_over() {
+                return Err(failed(Failure::TimedOut(deadline.limit())));
+            }
+            let is_driven = |(_, mode): &(Node, i64)| *mode == i64::from(ModeCode::Velocity);
+            if stands.is_over() || !modes.iter().any(is_driven) {
+                return Ok(());
+            }
+            self.rest(&deadline.within(POLL)).map_err(failed)?;
+        }
+    }
+
     /// Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle (the manual's move). `fingers`
     /// is of 1, 2, 3 and 4 (the spread). The progress has the positions.
     ///
@@ -137,7 +251,22 @@ impl Hand {
             .get(&node.number().to_string(), Property::ERROR, deadline.remaining())
             .map_err(of_step(limit))?;
         let fault = errors.first().and_then(|(_, code)| FaultCode::of(*code));
-        Err(failed(Failure::NotReached { node, end, fault }))
+        let stop = match (fault, EndCode::of(end)) {
+            (None, Some(EndCode::Stalled | EndCode::Breakaway)) => {
+                self.stop_of(node, deadline.remaining()).map_err(of_step(limit))?
+            }
+            _ => None,
+        };
+        Err(failed(Failure::NotReached { node, end, fault, stop }))
+    }
+
+    /// The stop that a joint stands at, hall counts; `None` away from both.
+    fn stop_of(&mut self, node: Node, limit: Duration) -> Result<Option<i64>, CallError> {
+        let places = self.get(&node.number().to_string(), Property::P, limit)?;
+        let kind = Motor::new(node.number()).map(Motor::kind);
+        let stops = kind.map_or([0; 2], MotorKind::range_counts).map(i64::from);
+        let is_near = |stop: &i64| places.iter().any(|(_, place)| (place - stop).abs() <= AT_STOP);
+        Ok(stops.into_iter().find(is_near))
     }
 
     /// Polls until no board is in mode 5. The progress has the positions. Whatever ends the wait before aborts the move: boards that do not
@@ -212,12 +341,15 @@ impl Hand {
     /// mode 0: only a position at rest is trusted at the next power-on. [`Self::prepare_power_off`] sees to that itself.
     ///
     /// # Errors
-    /// ERR 512: a flash has not taken them; ERR 1: a board sleeps or is silent.
+    /// ERR 512: a flash has not taken them; ERR 1: a board sleeps or is silent; node 0 by CAN, before anything is sent.
     pub fn save_nodes(&mut self, nodes: &str, limit: Duration) -> Result<(), CallError> {
         let call = format!("save {nodes}");
         let failed = |failure| CallError { call: call.clone(), failure };
         let deadline = Deadline::after(limit);
         let (god, boards): (String, String) = nodes.chars().partition(|node| *node == '0');
+        if !god.is_empty() {
+            self.needs_god().map_err(failed)?;
+        }
         if god.is_empty() || !boards.is_empty() {
             self.set(&boards, Property::SAVE, -1, deadline.remaining()).map_err(of_step(limit))?;
             self.rest(&deadline.within(STORE)).map_err(failed)?;

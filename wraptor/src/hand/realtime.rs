@@ -141,7 +141,7 @@ impl Hand {
     /// Sets the parameters of RealTime for motors (a prefix such as `124` or `X1234567`; not empty) and begins it.
     ///
     /// # Errors
-    /// No motors; ERR, such as 4 before [`Hand::init`]; those of every call.
+    /// No motors, or the temperature of a GOD that is not there by CAN; ERR, such as 4 before [`Hand::init`]; those of every call.
     pub fn realtime(
         &mut self,
         motors: &str,
@@ -158,6 +158,9 @@ impl Hand {
             return Err(failed(Failure::Invalid(
                 "a prefix that names motors, such as 124 or X1234567".to_owned(),
             )));
+        }
+        if format.feeds_temperature {
+            self.needs_god().map_err(failed)?;
         }
         self.command(&format!("{prefix}FSET {}", format.parameters()), deadline.remaining())
             .map_err(of_step(limit))?;

@@ -1,0 +1,27 @@
+//! What arrives at a connection, and what ends a wait for it.
+
+use std::sync::mpsc::SyncSender;
+
+use tater_wire::Frame;
+
+pub(crate) enum Event {
+    Bytes(Vec<u8>),
+    Frame(Frame),
+    Gone(String),
+    /// [`Waker::wake`].
+    Woken,
+}
+
+/// Ends the wait of `Port::receive` in another thread.
+pub(crate) struct Waker(SyncSender<Event>);
+
+impl Waker {
+    pub const fn new(events: SyncSender<Event>) -> Self {
+        Self(events)
+    }
+
+    pub fn wake(&self) {
+        // A full channel has something to receive.
+        let _ = self.0.try_send(Event::Woken);
+    }
+}
