@@ -641,6 +641,33 @@ enum wraptor_error wraptor_tcp_connect(const char *host,
                                        uint32_t limit_ms);
 
 /*
+ Connects to a hand on a serial port such as `/dev/ttyUSB0` (manual 1.5); its default is 9600 baud. All else is as over TCP.
+
+ Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
+
+ # Safety
+ `port` is NULL or a string; `hand` is NULL or may be written.
+ */
+enum wraptor_error wraptor_serial_connect(const char *port,
+                                          uint32_t baud,
+                                          wraptor_hand *hand,
+                                          uint32_t limit_ms);
+
+/*
+ Connects to a hand's motor boards by CAN (manual 1.5), without GOD: this library interprets the hand's language itself, and is the bus's one host. `place` is a
+ CAN interface of Linux that is up at 1 Mbit/s, such as `can0`, or an SLCAN adapter: `HOST:PORT`, `/dev/ttyACM0`, or `/dev/ttyUSB0@57600` with its baud
+ rate. All else is as over TCP, but what is GOD's own: node 0 of wraptor_save_parameters is refused.
+
+ Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
+
+ # Safety
+ `place` is NULL or a string; `hand` is NULL or may be written.
+ */
+enum wraptor_error wraptor_can_connect(const char *place,
+                                       wraptor_hand *hand,
+                                       uint32_t limit_ms);
+
+/*
  Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for. Motors stop, as after ^C, unless
  characters of `wraptor_tcp_msg` came last, which the hand finishes.
 
@@ -763,8 +790,8 @@ enum wraptor_error wraptor_close(wraptor_hand hand,
                                  uint32_t limit_ms);
 
 /*
- Finds the stops of boards' motors, sets their positions and moves them to zero (the manual's findZero): links 1 to 3 open first, then the spread
- opens while fingertips 5 to 7 close. The workspace must be clear.
+ Finds the stops of boards' motors, sets their positions and moves them to zero (the manual's findZero): links 1 to 3 open first and stay at their
+ stops while the spread opens and fingertips 5 to 7 close; links return to zero last. The workspace must be clear.
 
  # Safety
  `nodes` is NULL or a string.

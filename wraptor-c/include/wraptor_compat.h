@@ -173,6 +173,22 @@ static inline SOCKET tcp_connect(const char *hostname, unsigned short portnum)
     return g;
 }
 
+/* The same on a serial port such as "/dev/ttyUSB0", usually at 9600 baud. Not in the manual: its 1.5 names this way, its section 7 has no function for it. */
+static inline SOCKET serial_connect(const char *port, DWORD baud)
+{
+    SOCKET g = -1;
+    wraptor_compat_checked(wraptor_serial_connect(port, baud, &g, WRAPTOR_COMPAT_CONNECT_MS));
+    return g;
+}
+
+/* The same by CAN, on an interface such as "can0" or an SLCAN adapter, "HOST:PORT" or "/dev/ttyACM0". Not in the manual, as above. */
+static inline SOCKET can_connect(const char *place)
+{
+    SOCKET g = -1;
+    wraptor_compat_checked(wraptor_can_connect(place, &g, WRAPTOR_COMPAT_CONNECT_MS));
+    return g;
+}
+
 /* Returns sd, or -1 if the characters were not taken. */
 static inline SOCKET tcp_msg(SOCKET sd, const char *buff, int len)
 {

@@ -75,7 +75,7 @@ impl From<CallError> for Problem {
             Failure::Lost(_) => wraptor_error::WRAPTOR_LOST,
             Failure::Cancelled => wraptor_error::WRAPTOR_CANCELLED,
             Failure::Status(_) => wraptor_error::WRAPTOR_STATUS,
-            Failure::Silent(_) => wraptor_error::WRAPTOR_NO_ANSWER,
+            Failure::Silent(_) | Failure::Asleep(_) => wraptor_error::WRAPTOR_NO_ANSWER,
             Failure::NotReached { .. } => wraptor_error::WRAPTOR_NOT_REACHED,
             Failure::Download { .. } => wraptor_error::WRAPTOR_DOWNLOAD,
             _ => wraptor_error::WRAPTOR_UNEXPECTED,

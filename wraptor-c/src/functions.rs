@@ -77,11 +77,70 @@ pub unsafe extern "C" fn wraptor_tcp_connect(
             return Err(Problem::invalid(&format!("host: found {host:?}, {expected}")));
         }
         let host = if is_ipv6 { format!("[{host}]") } else { host.to_owned() };
-        let connect = Connect::tcp(&format!("{host}:{port}")).boards(Boards::Any);
-        let number = slot::insert(|| Ok(connect.connect(deadline(limit_ms).remaining())?))?;
         // SAFETY: the caller's promise.
-        unsafe { store("hand", hand, number) }
+        unsafe { store("hand", hand, connected(Connect::tcp(&format!("{host}:{port}")), limit_ms)?) }
     })
+}
+
+/// Connects to a hand on a serial port such as `/dev/ttyUSB0` (manual 1.5); its default is 9600 baud. All else is as over TCP.
+///
+/// Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
+///
+/// # Safety
+/// `port` is NULL or a string; `hand` is NULL or may be written.
+#[cfg(unix)]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn wraptor_serial_connect(
+    port: *const c_char,
+    baud: u32,
+    hand: *mut wraptor_hand,
+    limit_ms: u32,
+) -> wraptor_error {
+    border(|| {
+        // SAFETY: the caller's promise.
+        let port = unsafe { text("port", port) }?;
+        if hand.is_null() {
+            return Err(Problem::null("hand"));
+        }
+        if baud == 0 {
+            return Err(Problem::invalid(
+                "baud: found 0, expected the hand's rate, 9600 unless BAUD was set",
+            ));
+        }
+        // SAFETY: the caller's promise.
+        unsafe { store("hand", hand, connected(Connect::serial(port, baud), limit_ms)?) }
+    })
+}
+
+/// Connects to a hand's motor boards by CAN (manual 1.5), without GOD: this library interprets the hand's language itself, and is the bus's one host. `place` is a
+/// CAN interface of Linux that is up at 1 Mbit/s, such as `can0`, or an SLCAN adapter: `HOST:PORT`, `/dev/ttyACM0`, or `/dev/ttyUSB0@57600` with its baud
+/// rate. All else is as over TCP, but what is GOD's own: node 0 of wraptor_save_parameters is refused.
+///
+/// Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
+///
+/// # Safety
+/// `place` is NULL or a string; `hand` is NULL or may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn wraptor_can_connect(
+    place: *const c_char,
+    hand: *mut wraptor_hand,
+    limit_ms: u32,
+) -> wraptor_error {
+    border(|| {
+        // SAFETY: the caller's promise.
+        let place = unsafe { text("place", place) }?;
+        if hand.is_null() {
+            return Err(Problem::null("hand"));
+        }
+        // SAFETY: the caller's promise.
+        unsafe { store("hand", hand, connected(Connect::can(place), limit_ms)?) }
+    })
+}
+
+/// Connects without a question to boards, and numbers the connection.
+fn connected(connect: Connect, limit_ms: u32) -> Result<wraptor_hand, Problem> {
+    let connect = connect.boards(Boards::Any);
+    slot::insert(|| Ok(connect.connect(deadline(limit_ms).remaining())?))
 }
 
 /// Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for. Motors stop, as after ^C, unless
@@ -297,8 +356,8 @@ pub unsafe extern "C" fn wraptor_close(
     })
 }
 
-/// Finds the stops of boards' motors, sets their positions and moves them to zero (the manual's findZero): links 1 to 3 open first, then the spread
-/// opens while fingertips 5 to 7 close. The workspace must be clear.
+/// Finds the stops of boards' motors, sets their positions and moves them to zero (the manual's findZero): links 1 to 3 open first and stay at their
+/// stops while the spread opens and fingertips 5 to 7 close; links return to zero last. The workspace must be clear.
 ///
 /// # Safety
 /// `nodes` is NULL or a string.

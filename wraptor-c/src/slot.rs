@@ -52,7 +52,7 @@ pub(crate) fn insert(connect: impl FnOnce() -> Result<Hand, Problem>) -> Result<
 
 fn bad_handle(number: wraptor_hand) -> Problem {
     let text = format!(
-        "connection {number}: none has this number\n  next: use what wraptor_tcp_connect stored, before wraptor_close_connection"
+        "connection {number}: none has this number\n  next: use what a connect function stored, before wraptor_close_connection"
     );
     Problem::new(wraptor_error::WRAPTOR_BAD_HANDLE, text)
 }

@@ -98,6 +98,33 @@ fn constants_are_those_of_the_tables() {
     }
 }
 
+/// The other ways to a hand.
+#[test]
+fn wrong_places_are_errors_with_cause_and_next_step() {
+    let mut number = 0;
+    // SAFETY: strings, NULL, and a place for the number.
+    let outcomes = unsafe {
+        [
+            (wraptor_serial_connect(null(), 9600, &raw mut number, HANGS), WRAPTOR_NULL),
+            (wraptor_serial_connect(c"/dev/null".as_ptr(), 9600, null_mut(), HANGS), WRAPTOR_NULL),
+            (wraptor_serial_connect(c"/dev/null".as_ptr(), 0, &raw mut number, HANGS), WRAPTOR_INVALID),
+            (
+                wraptor_serial_connect(c"/dev/none".as_ptr(), 9600, &raw mut number, HANGS),
+                WRAPTOR_NOT_CONNECTED,
+            ),
+            (wraptor_can_connect(null(), &raw mut number, HANGS), WRAPTOR_NULL),
+            (wraptor_can_connect(c"can0".as_ptr(), null_mut(), HANGS), WRAPTOR_NULL),
+            (wraptor_can_connect(c"nocan9".as_ptr(), &raw mut number, HANGS), WRAPTOR_NOT_CONNECTED),
+            (wraptor_can_connect(c"127.0.0.1:1".as_ptr(), &raw mut number, HANGS), WRAPTOR_NOT_CONNECTED),
+        ]
+    };
+    assert_eq!(number, 0);
+    for (number, (found, expected)) in outcomes.into_iter().enumerate() {
+        assert_eq!(found, expected, "{number}");
+    }
+    assert!(text().contains("127.0.0.1:1: nothing listens there\n  next: "), "{}", text());
+}
+
 #[test]
 fn wrong_arguments_are_errors_with_cause_and_next_step() {
     let (_served, hand) = awake();

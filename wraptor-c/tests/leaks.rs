@@ -144,11 +144,43 @@ fn lost_hand_ends_each_function_in_time_and_leaves_nothing() {
         connect_ends(cut);
         assert_eq!(left(), before, "{cut:?}: threads of the library, sockets");
     }
+    every_way_ends();
+    assert_eq!(left(), before, "serial port, CAN: threads of the library, sockets");
     listener_ends_with_its_hand_and_with_ws_down();
     ws_down_waits_for_a_call_and_ends_a_connect();
     ended_threads_keep_no_stack();
     discovery_ends();
     assert_eq!(left(), before, "threads of the library, sockets");
+}
+
+/// The other ways to a hand: its end ends each function. By CAN only frames meet it: a command that no board is asked for is answered by this library.
+fn every_way_ends() {
+    for (name, _, call) in calls().into_iter().filter(|(name, ..)| *name != "command") {
+        let serial = Served::new(&["hand", "--pty", "--speed", "max"], 1);
+        let can = Served::new(&["bus", "--nodes", "1-7", "--slcan", "127.0.0.1:0"], 1);
+        let (port, place) = (string(serial.place("pty")), string(can.place("slcan")));
+        let (mut on_port, mut by_can) = (-1, -1);
+        // SAFETY: strings, and places for numbers.
+        unsafe {
+            assert_eq!(wraptor_serial_connect(port.as_ptr(), 9600, &raw mut on_port, HANGS), WRAPTOR_OK);
+            assert_eq!(wraptor_can_connect(place.as_ptr(), &raw mut by_can, HANGS), WRAPTOR_OK);
+        }
+        served::end(&serial.process);
+        served::end(&can.process);
+        for hand in [on_port, by_can] {
+            let (sender, outcome) = channel();
+            let thread = thread::spawn(move || sender.send(call(hand)));
+            let error = outcome.recv_timeout(OVER).unwrap_or_else(|_| panic!("{name}: no end in time"));
+            let _ = thread.join().expect("it ends");
+            assert_eq!(error, WRAPTOR_LOST, "{name}");
+            assert_eq!(wraptor_close_connection(hand, LIMIT), WRAPTOR_OK, "{name}");
+        }
+        assert_eq!(left().0, 0, "{name}: threads of the library");
+    }
+}
+
+fn string(text: &str) -> CString {
+    CString::new(text).expect("no zero in it")
 }
 
 fn realtime_and_download_end(cut: Cut) {

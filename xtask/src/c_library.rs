@@ -34,6 +34,13 @@ const SANITIZERS: [&str; 3] = ["-g", "-fsanitize=address,undefined", "-fno-sanit
 const FAST: &str = "hand --listen 127.0.0.1:0 --discovery 127.0.0.1:0 --speed max";
 const REAL: &str = "hand --listen 127.0.0.1:0 --discovery 127.0.0.1:0";
 
+/// The other ways to a hand (manual 1.5). By CAN the library's GOD runs in real time.
+const SERIAL: &str = "hand --pty --speed max";
+const CAN: &str = "bus --nodes 1-7 --slcan 127.0.0.1:0";
+
+/// Examples of a way of their own: TCP, and a search in the network.
+const OF_TCP: [&str; 2] = ["tcp_connect", "discoverGrasper"];
+
 /// A language with its compiler, and the standard that examples are written for.
 #[derive(Clone, Copy)]
 struct Language {
@@ -81,7 +88,9 @@ pub fn check() -> Outcome {
     let folder = target().join("wraptor-c-check");
     install(&folder, false)?;
     let programs = section7(&folder)?;
-    println!("  {programs} programs of section 7's examples passed under AddressSanitizer and UBSan");
+    println!(
+        "  {programs} programs of section 7's examples passed under AddressSanitizer and UBSan, over TCP, on a serial port and by CAN"
+    );
     realtime(&folder)?;
     linked_statically(&folder)?;
     cmake(&folder)
@@ -137,7 +146,7 @@ fn write(path: &Path, text: &str) -> Outcome {
     fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Compiles each example as C99 and as C++17 and runs it against a hand of its own. Returns the number of programs.
+/// Compiles each example as C99 and as C++17 and runs it against a hand of its own: over TCP, on a serial port, and by CAN. Returns the number of programs.
 fn section7(folder: &Path) -> Result<usize, String> {
     let entries = fs::read_dir(root().join(SECTION7)).map_err(|error| format!("{SECTION7}: {error}"))?;
     let mut names: Vec<String> = entries
@@ -157,12 +166,31 @@ fn section7(folder: &Path) -> Result<usize, String> {
         names.iter().flat_map(|name| LANGUAGES.map(|language| (name, language))).collect();
     let failures = in_parallel(&programs, |(name, language)| {
         let program = compile(folder, *language, Path::new(&format!("{SECTION7}/{name}.c")))?;
+        let is_download = name.as_str() == "downloadFirmware";
         // A download's monitor and host measure the same time only in real time.
-        let hand = Served::new(if name.as_str() == "downloadFirmware" { REAL } else { FAST })?;
-        let input = File::open(&answers).map_err(|error| format!("{}: {error}", answers.display()))?;
-        run_program(&program, &hand, &[hand.place("discovery")?], input.into()).map(drop)
+        let hand = Served::new(if is_download { REAL } else { FAST })?;
+        run_program(&program, place(&hand)?, &[hand.place("discovery")?], input(&answers)?)?;
+        if OF_TCP.contains(&name.as_str()) {
+            return Ok(());
+        }
+        // At 9600 baud a download takes 3 minutes (docs/wraptor.md).
+        if !is_download {
+            let hand = Served::new(SERIAL)?;
+            run_program(&program, ("serial", hand.place("pty")?), &[], input(&answers)?)?;
+        }
+        let boards = Served::new(CAN)?;
+        run_program(&program, ("can", boards.place("slcan")?), &[], input(&answers)?).map(drop)
     });
     if failures.is_empty() { Ok(programs.len()) } else { Err(failures.join("\n")) }
+}
+
+fn input(path: &Path) -> Result<Stdio, String> {
+    File::open(path).map(Stdio::from).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Host and port of a hand over TCP.
+fn place(hand: &Served) -> Result<(&str, &str), String> {
+    Ok(hand.place("gcl")?.split_once(':').unwrap_or_default())
 }
 
 /// Compiles a source file with the flags that pkg-config prints, and sanitizers.
@@ -182,10 +210,9 @@ fn compile(folder: &Path, language: Language, source: &Path) -> Result<PathBuf, 
 }
 
 /// Runs a program with a hand's place and other arguments, at most a minute; returns what it prints.
-fn run_program(path: &Path, hand: &Served, arguments: &[&str], input: Stdio) -> Result<String, String> {
+fn run_program(path: &Path, place: (&str, &str), arguments: &[&str], input: Stdio) -> Result<String, String> {
     let mut command = program("timeout 60");
-    let (host, port) = hand.place("gcl")?.split_once(':').unwrap_or_default();
-    command.arg(path).args([host, port]).args(arguments).stdin(input);
+    command.arg(path).args([place.0, place.1]).args(arguments).stdin(input);
     let line = typed(&command);
     let ended = command.output().map_err(|error| format!("cannot start: {error}\n  repeat with: {line}"))?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -201,15 +228,15 @@ fn realtime(folder: &Path) -> Outcome {
     let program = compile(folder, c, Path::new("wraptor-c/examples/realtime.c"))?;
     let hand = Served::new(REAL)?;
     let mut killed = self::program("timeout --signal=KILL 2");
-    let (host, port) = hand.place("gcl")?.split_once(':').unwrap_or_default();
+    let (host, port) = place(&hand)?;
     killed.arg(&program).args([host, port]);
     let line = typed(&killed);
     if killed.status().is_ok_and(|status| status.success()) {
         return Err(format!("it ended before it was killed\n  repeat with: {line}"));
     }
-    let said = run_program(&program, &hand, &["300", "3"], Stdio::null())?;
+    let said = run_program(&program, place(&hand)?, &["300", "3"], Stdio::null())?;
     said.lines().for_each(|line| println!("  {line}"));
-    run_program(&program, &Served::emulated()?, &["100", "1"], Stdio::null())?;
+    run_program(&program, place(&Served::emulated()?)?, &["100", "1"], Stdio::null())?;
     println!("  the same program homed a hand of emulated boards and drove them in RealTime");
     Ok(())
 }
@@ -223,7 +250,7 @@ fn linked_statically(folder: &Path) -> Outcome {
     compiler.args(flags.split_whitespace()).arg("-o").arg(&built);
     // glibc warns that names of hosts are looked up by its shared libraries.
     output_of_both(compiler)?;
-    run_program(&built, &Served::new(FAST)?, &[], Stdio::null()).map(drop)
+    run_program(&built, place(&Served::new(FAST)?)?, &[], Stdio::null()).map(drop)
 }
 
 /// Builds the example of CMake against the installation, and runs both of its programs.
@@ -240,7 +267,7 @@ fn cmake(folder: &Path) -> Outcome {
     make.arg("--build").arg(&build).current_dir(root());
     output(make)?;
     for name in ["grasp", "grasp_static"] {
-        let text = run_program(&build.join(name), &Served::new(FAST)?, &[], Stdio::null())?;
+        let text = run_program(&build.join(name), place(&Served::new(FAST)?)?, &[], Stdio::null())?;
         println!("  CMake, {name}: {}", text.trim_end());
     }
     Ok(())

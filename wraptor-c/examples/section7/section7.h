@@ -1,6 +1,7 @@
 /*
- Around each example of the manual's section 7: PROGRAM HOST PORT [DISCOVERY] runs `example` with a connection, and `holds` tells whether it did what
- the manual says. Boards are woken first, and found their zero if the example moves, as START says.
+ Around each example of the manual's section 7: PROGRAM HOST PORT [DISCOVERY] runs `example` with a connection over TCP, PROGRAM serial PORT with one on a
+ serial port, PROGRAM can PLACE with one by CAN. `holds` tells whether it did what the manual says. Boards are woken first, and found their zero if the
+ example moves, as START says.
  */
 #ifndef SECTION7_H
 #define SECTION7_H
@@ -37,11 +38,23 @@ static inline int is_at(SOCKET g, const char *node, long goal)
     return 1;
 }
 
+/* A connection in the way that the arguments ask for. */
+static inline SOCKET section7_connect(const char *place)
+{
+    if (strcmp(section7_host, "serial") == 0) {
+        return serial_connect(place, 9600);
+    }
+    if (strcmp(section7_host, "can") == 0) {
+        return can_connect(place);
+    }
+    return tcp_connect(section7_host, section7_port);
+}
+
 static inline int run(int argc, char **argv, enum start start)
 {
     SOCKET g;
     if (argc < 3) {
-        fprintf(stderr, "usage: %s HOST PORT [DISCOVERY]\n", argv[0]);
+        fprintf(stderr, "usage: %s HOST PORT [DISCOVERY], serial PORT, can PLACE\n", argv[0]);
         return 2;
     }
     section7_host = argv[1];
@@ -49,7 +62,7 @@ static inline int run(int argc, char **argv, enum start start)
     section7_discovery = argc > 3 ? argv[3] : NULL;
     ws_init();
     initSoftware();
-    g = tcp_connect(section7_host, section7_port);
+    g = section7_connect(argv[2]);
     if (g == -1) {
         return 1;
     }
