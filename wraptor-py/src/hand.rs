@@ -1,4 +1,4 @@
-//! A hand over TCP or a serial port, as `wraptor.Hand`.
+//! A hand over TCP, a serial port or CAN, as `wraptor.Hand`.
 
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -16,7 +16,7 @@ use crate::connection::Connection;
 use crate::errors;
 use crate::realtime::{Choice, RealTime};
 
-/// A hand through its GOD, as its one host. Limits are in seconds. Motors are a prefix of the hand's language ("13", "G", "S",
+/// A hand, as its one host: through its GOD, or by CAN without one. Limits are in seconds. Motors are a prefix of the hand's language ("13", "G", "S",
 /// "X15", or empty for all with EN), nodes digits ("567").
 #[pyclass(module = "wraptor", frozen)]
 pub struct Hand {
@@ -110,6 +110,14 @@ impl Hand {
         connect(py, &Connect::serial(path, baud).boards(self::boards(boards)?), limit)
     }
 
+    /// Connects by CAN, without GOD: this program interprets the hand's language itself. `place` is a CAN interface such as can0, or an SLCAN
+    /// adapter: HOST:PORT, /dev/ttyACM0, or /dev/ttyUSB0@57600 with its baud rate. Raises ConnectError.
+    #[classmethod]
+    #[pyo3(signature = (place, limit=5.0, boards="wake"))]
+    fn can(_: &Bound<'_, PyType>, py: Python<'_>, place: &str, limit: f64, boards: &str) -> PyResult<Self> {
+        connect(py, &Connect::can(place).boards(self::boards(boards)?), limit)
+    }
+
     /// Where it is connected, as it was given.
     #[getter]
     fn address(&self) -> &str {
@@ -162,6 +170,18 @@ impl Hand {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.command_with(line, limit, on))
     }
 
+    /// The same, and waits until moves are over that the line begins by MODE 5 or CMD (the manual's command).
+    #[pyo3(signature = (line, limit=30.0, progress=None))]
+    fn command_and_wait(
+        &self,
+        py: Python<'_>,
+        line: &str,
+        limit: f64,
+        progress: Option<Callback>,
+    ) -> PyResult<Vec<String>> {
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.command_and_wait(line, limit, on))
+    }
+
     /// Writes bytes as they are, without waiting for an answer.
     #[pyo3(signature = (data, limit=1.0))]
     fn write(&self, py: Python<'_>, #[pyo3(from_py_with = bytes)] data: Vec<u8>, limit: f64) -> PyResult<()> {
@@ -207,7 +227,7 @@ impl Hand {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.init(limit, on))
     }
 
-    /// Finds the stops of some motors (HI).
+    /// Finds the stops of motors and moves them to 0, links last (the manual's findZero).
     #[pyo3(signature = (motors="", limit=60.0, progress=None))]
     fn find_zero(
         &self,
@@ -269,6 +289,30 @@ impl Hand {
     ) -> PyResult<()> {
         self.connection
             .watched(py, limit, progress, |hand, limit, on| hand.move_halls(fingers, halls, limit, on))
+    }
+
+    /// Moves fingers and their tips to 0 (the manual's open).
+    #[pyo3(signature = (fingers, limit=20.0, progress=None))]
+    fn open_fingers(
+        &self,
+        py: Python<'_>,
+        fingers: &str,
+        limit: f64,
+        progress: Option<Callback>,
+    ) -> PyResult<()> {
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.open_fingers(fingers, limit, on))
+    }
+
+    /// Moves fingers and their tips to the defaults of CT, or until an object stops them (the manual's close).
+    #[pyo3(signature = (fingers, limit=20.0, progress=None))]
+    fn close_fingers(
+        &self,
+        py: Python<'_>,
+        fingers: &str,
+        limit: f64,
+        progress: Option<Callback>,
+    ) -> PyResult<()> {
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.close_fingers(fingers, limit, on))
     }
 
     /// A property of boards by node, in the units of docs/properties.md. Raises ValueError for an unknown name.
@@ -350,7 +394,7 @@ impl Hand {
         self.connection.run(py, limit, |hand, limit| hand.set_hand_parameter(name, value, limit))
     }
 
-    /// Temperature of GOD's board, degrees Celsius.
+    /// Temperature of GOD's board, degrees Celsius; by CAN there is none.
     #[pyo3(signature = (limit=1.0))]
     fn temperature(&self, py: Python<'_>, limit: f64) -> PyResult<f64> {
         self.connection.run(py, limit, wraptor::Hand::temperature)
@@ -360,6 +404,12 @@ impl Hand {
     #[pyo3(signature = (limit=5.0))]
     fn save_parameters(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
         self.connection.run(py, limit, wraptor::Hand::save_parameters)
+    }
+
+    /// Stores positions and parameters of boards, and with node 0 those of GOD (the manual's saveParameters).
+    #[pyo3(signature = (nodes, limit=5.0))]
+    fn save_nodes(&self, py: Python<'_>, nodes: &str, limit: f64) -> PyResult<()> {
+        self.connection.run(py, limit, |hand, limit| hand.save_nodes(nodes, limit))
     }
 
     /// Switches motors off and stores positions and parameters (SAVE).

@@ -3,6 +3,7 @@
 import os
 import signal
 import socket
+import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -43,6 +44,46 @@ def test_hand_is_homed_moved_and_read(served: Served) -> None:
     assert seen == sorted(seen) and len(seen) > 1
     with pytest.raises(RuntimeError, match="closed"):
         hand.wake()
+
+
+@pytest.mark.parametrize(
+    ("door", "args"),
+    [
+        ("gcl", ["hand", "--listen", "127.0.0.1:0"]),
+        ("pty", ["hand", "--pty"]),
+        ("slcan", ["bus", "--nodes", "1-7", "--slcan", "127.0.0.1:0"]),
+    ],
+)
+def test_functions_of_the_manual_on_every_way(hil_sim: str, door: str, args: list[str]) -> None:
+    with subprocess.Popen(
+        [hil_sim, *args], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        assert process.stdout is not None
+        kind, place = process.stdout.readline().split()
+        assert kind == door
+        ways = {"gcl": wraptor.Hand.connect, "pty": wraptor.Hand.serial, "slcan": wraptor.Hand.can}
+        with ways[door](place, limit=10, boards="any") as hand:
+            hand.wake()
+            assert hand.boards() == ["ready"] * 7
+            hand.find_zero()
+            hand.move_halls("1", 100)
+            hand.close_fingers("4")
+            hand.open_fingers("1")
+            hand.command_and_wait("4 S E 82")
+            hand.command_and_wait("4 S M 5")
+            positions = hand.get("145", "P")
+            assert all(abs(positions[node] - goal) <= 4 for node, goal in ((1, 0), (4, 82), (5, 0))), positions
+            hand.set("7", "MT", 550)
+            hand.wait_for("7", "MT", 550)
+            hand.save_nodes("7")
+            hand.write(b"1 G AP")
+            assert hand.command("VERS") == [str(hand.version)]
+            assert any(line.startswith("1 P=") for line in hand.take_reports())
+            if door == "slcan":
+                with pytest.raises(ValueError, match="by CAN there is no GOD"):
+                    hand.temperature()
+            process.kill()
+            refused("Lost", lambda: hand.get("4", "P", limit=0.5), 0.5)
 
 
 def test_hand_of_emulated_boards_is_homed_moved_and_driven(emulated: str) -> None:

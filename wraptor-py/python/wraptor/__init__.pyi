@@ -41,7 +41,7 @@ _Path: TypeAlias = str | bytes | PathLike[str] | PathLike[bytes]
 
 @final
 class Hand:
-    """A hand through its GOD, as its one host. Limits are in seconds. Motors are a prefix of the hand's language ("13", "G", "S",
+    """A hand, as its one host: through its GOD, or by CAN without one. Limits are in seconds. Motors are a prefix of the hand's language ("13", "G", "S",
     "X15", or empty for all with EN), nodes digits ("567")."""
 
     @classmethod
@@ -54,6 +54,12 @@ class Hand:
         cls, path: str, baud: SupportsIndex = 9600, limit: float = 10.0, boards: Literal["wake", "ready", "any"] = "wake"
     ) -> Hand:
         """Connects over a serial port such as /dev/ttyUSB0. Raises ConnectError."""
+    @classmethod
+    def can(
+        cls, place: str, limit: float = 5.0, boards: Literal["wake", "ready", "any"] = "wake"
+    ) -> Hand:
+        """Connects by CAN, without GOD: this program interprets the hand's language itself. `place` is a CAN interface such as can0, or an SLCAN
+        adapter: HOST:PORT, /dev/ttyACM0, or /dev/ttyUSB0@57600 with its baud rate. Raises ConnectError."""
     @property
     def address(self) -> str:
         """Where it is connected, as it was given."""
@@ -70,6 +76,8 @@ class Hand:
         """Aborts a call of another thread, which raises CallError."""
     def command(self, line: str, limit: float = 30.0, progress: _Progress = None) -> list[str]:
         """Runs a line of the hand's language and returns what it prints."""
+    def command_and_wait(self, line: str, limit: float = 30.0, progress: _Progress = None) -> list[str]:
+        """The same, and waits until moves are over that the line begins by MODE 5 or CMD (the manual's command)."""
     def write(self, data: bytes | bytearray | memoryview, limit: float = 1.0) -> None:
         """Writes bytes as they are, without waiting for an answer."""
     def take_reports(self, limit: float = 1.0) -> list[str]:
@@ -83,7 +91,7 @@ class Hand:
     def init(self, limit: float = 60.0, progress: _Progress = None) -> None:
         """Finds the stops of all motors and goes to 0 (HI)."""
     def find_zero(self, motors: str = "", limit: float = 60.0, progress: _Progress = None) -> None:
-        """Finds the stops of some motors (HI)."""
+        """Finds the stops of motors and moves them to 0, links last (the manual's findZero)."""
     def close(self, motors: str = "", limit: float = 20.0, progress: _Progress = None) -> None:
         """Closes motors (C)."""
     def open(self, motors: str = "", limit: float = 20.0, progress: _Progress = None) -> None:
@@ -96,6 +104,10 @@ class Hand:
         """Moves motors to a position of the language, GCL counts, 0 to 20000 (M)."""
     def move_halls(self, fingers: str, halls: SupportsIndex, limit: float = 20.0, progress: _Progress = None) -> None:
         """Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle."""
+    def open_fingers(self, fingers: str, limit: float = 20.0, progress: _Progress = None) -> None:
+        """Moves fingers and their tips to 0 (the manual's open)."""
+    def close_fingers(self, fingers: str, limit: float = 20.0, progress: _Progress = None) -> None:
+        """Moves fingers and their tips to the defaults of CT, or until an object stops them (the manual's close)."""
     def get(self, nodes: str, name: str, limit: float = 1.0) -> dict[int, int]:
         """A property of boards by node, in the units of docs/properties.md. Raises ValueError for an unknown name."""
     def set(self, nodes: str, name: str, value: SupportsIndex, limit: float = 1.0) -> None:
@@ -113,9 +125,11 @@ class Hand:
     def set_hand_parameter(self, name: str, value: SupportsIndex, limit: float = 1.0) -> None:
         """Sets a parameter of the hand (PSET)."""
     def temperature(self, limit: float = 1.0) -> float:
-        """Temperature of GOD's board, degrees Celsius."""
+        """Temperature of GOD's board, degrees Celsius; by CAN there is none."""
     def save_parameters(self, limit: float = 5.0) -> None:
         """Stores parameters of motors and of the hand."""
+    def save_nodes(self, nodes: str, limit: float = 5.0) -> None:
+        """Stores positions and parameters of boards, and with node 0 those of GOD (the manual's saveParameters)."""
     def prepare_power_off(self, limit: float = 5.0) -> None:
         """Switches motors off and stores positions and parameters (SAVE)."""
     def download(
