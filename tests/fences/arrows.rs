@@ -49,7 +49,7 @@ const ARROWS: [Arrows; 14] = [
     Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },
     // libm: sines without std. proptest: tests.
     Arrows { package: "kinematics", ours: &["tater-wire"], others: Some(&["libm", "proptest (dev)"]) },
-    // The host library. god: its tables of status codes, parameters and motor prefixes. rustix: serial ports, poll. socketcan: CAN interfaces
+    // The host library. god: its tables, and GOD itself for a hand by CAN. rustix: serial ports, poll. socketcan: CAN interfaces
     // of Linux. socket2: a listener with a full backlog, for tests.
     Arrows {
         package: "wraptor",
@@ -69,12 +69,12 @@ const ARROWS: [Arrows; 14] = [
     },
     // The C library.
     Arrows { package: "wraptor-c", ours: &["tater-wire", "wraptor"], others: Some(&[]) },
-    // The terminal program. god: the tables of commands and parameters. rustyline: entries with history and completion. ctrlc: ^C. rustix: a
-    // terminal, for tests.
+    // The terminal program. god: the tables of commands and parameters. rustyline: entries with history and completion. ctrlc: ^C. rustix: keys
+    // one by one, and a terminal for tests.
     Arrows {
         package: "wraptor-cli",
         ours: &["tater-wire", "god", "wraptor"],
-        others: Some(&["clap", "ctrlc", "rustix (dev)", "rustyline", "serde_json"]),
+        others: Some(&["clap", "ctrlc", "rustix", "rustyline", "serde_json"]),
     },
     // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
+use god::Status;
 use god::boards::parse_report;
 use wraptor::discovery::EVERYWHERE;
 use wraptor::{
@@ -12,7 +13,8 @@ use wraptor::{
     Progress, discover,
 };
 
-use crate::entry::{self, Entry, Motion};
+use crate::drive::drive;
+use crate::entry::{self, Entry, Motion, Way};
 use crate::input::{Input, Next};
 use crate::interrupt::{self, during};
 use crate::output::print;
@@ -37,13 +39,15 @@ pub struct Console {
     hand: Option<Hand>,
     /// Limit of a line.
     limit: Duration,
+    /// Whether M, C and O alone ask, as in the walk-through.
+    walks: bool,
     /// Code of the worst trouble of a person's session.
     code: u8,
 }
 
 impl Console {
-    pub const fn new(input: Input, hand: Option<Hand>, limit: Duration) -> Self {
-        Self { input, hand, limit, code: 0 }
+    pub const fn new(input: Input, hand: Option<Hand>, limit: Duration, walks: bool) -> Self {
+        Self { input, hand, limit, walks, code: 0 }
     }
 
     /// Runs entries until their end. A script ends at its first trouble; a person is told. Returns the exit code.
@@ -60,7 +64,7 @@ impl Console {
                 }
                 Next::End => break,
             };
-            let outcome = entry::parse(&text).map_err(invalid).and_then(|entry| match entry {
+            let outcome = entry::parse(&text, self.walks).map_err(invalid).and_then(|entry| match entry {
                 Entry::Quit => Ok(ControlFlow::Break(())),
                 entry => self.enter(entry).map(ControlFlow::Continue),
             });
@@ -108,10 +112,17 @@ impl Console {
             Entry::Nothing | Entry::Quit => Ok(()),
             Entry::Line(line) => self.line(&line),
             Entry::Ask(motion) => self.ask(motion),
-            Entry::Connect(address) => {
+            Entry::Walk(walks) => {
+                self.walks = walks;
+                Ok(())
+            }
+            Entry::Connect(way) => {
                 // A hand takes one host, which may be this one.
-                self.hand = None;
-                self.hand = Some(connect(Connect::tcp(&address))?);
+                if self.hand.as_ref().is_some_and(|hand| hand.place() == way.place()) {
+                    self.hand = None;
+                }
+                // If that fails, the connection before stays.
+                self.hand = Some(connect(&way)?);
                 Ok(())
             }
             Entry::Disconnect => {
@@ -128,6 +139,11 @@ impl Console {
                 let text = tables::explain(&name);
                 let unknown = || invalid(format!("help: found {name:?}, expected a name of `help`"));
                 print(&text.ok_or_else(unknown)?)
+            }
+            Entry::Loop { motors, velocities, time } => {
+                let is_typed = self.input.is_typed();
+                let hand = self.hand()?;
+                during(|| drive(hand, &motors, &velocities, time, is_typed))
             }
             Entry::Watch { nodes, properties, time } => {
                 let is_typed = self.input.is_typed();
@@ -149,7 +165,9 @@ impl Console {
         let limit = self.limit;
         let hand = self.hand()?;
         let outcome = during(|| hand.command_and_wait(line, limit, &mut until_interrupted));
-        outcome?.iter().try_for_each(|line| print(&format!("{line}\n")))?;
+        let answer = outcome.map_err(|error| explained(hand, line, error))?;
+        let typed = tables::typed_name(line);
+        answer.iter().try_for_each(|line| print(&format!("{line}{typed}\n")))?;
         // After `0 S REPLY 1` boards answer by packets.
         while let Some(frame) = self.hand()?.receive(Duration::ZERO)? {
             print(&text(&frame))?;
@@ -199,6 +217,32 @@ fn text(frame: &Frame) -> String {
     }
 }
 
+/// What the hand's number does not tell: the value and its range, or which boards sleep.
+fn explained(hand: &mut Hand, line: &str, error: CallError) -> Trouble {
+    let hint = match &error.failure {
+        Failure::Status(status) if status.has(Status::INVALID_VALUE) => tables::range(line),
+        Failure::Status(status) if status.has(Status::NO_BOARD) => asleep(hand),
+        _ => None,
+    };
+    match hint {
+        Some(hint) => Trouble::Explained(error, hint),
+        None => error.into(),
+    }
+}
+
+/// Names boards that sleep.
+fn asleep(hand: &mut Hand) -> Option<String> {
+    // Another error shows at the next entry.
+    let states = hand.boards(CONNECT).ok()?;
+    let nodes = nodes_in(&states, BoardState::Asleep);
+    (!nodes.is_empty()).then(|| format!("boards {nodes} are asleep\n  next: WAKE"))
+}
+
+fn nodes_in(states: &[BoardState; 7], state: BoardState) -> String {
+    let of = states.iter().zip(entry::NODES.chars()).filter(|(of, _)| **of == state);
+    of.map(|(_, node)| node).collect()
+}
+
 fn invalid(text: String) -> Trouble {
     Trouble::Input(text + "\n  next: enter it again; help lists all commands")
 }
@@ -214,7 +258,13 @@ fn until_interrupted(_: &Progress) -> ControlFlow<()> {
 ///
 /// # Errors
 /// The cause and the next step.
-pub fn connect(connect: Connect) -> Result<Hand, Trouble> {
+pub fn connect(way: &Way) -> Result<Hand, Trouble> {
+    let connect = match way {
+        Way::Tcp(place) => Connect::tcp(place),
+        #[cfg(unix)]
+        Way::Serial(place, baud) => Connect::serial(place, *baud),
+        Way::Can(place) => Connect::can(place),
+    };
     // The walk-through begins with boards that sleep.
     let mut hand = connect.boards(Boards::Any).connect(CONNECT)?;
     let states = hand.boards(CONNECT)?;
@@ -225,12 +275,7 @@ pub fn connect(connect: Connect) -> Result<Hand, Trouble> {
         (BoardState::Unusable, "unusable"),
         (BoardState::Silent, "without power or off the bus"),
     ] {
-        let nodes: String = states
-            .iter()
-            .zip(entry::NODES.chars())
-            .filter(|(of, _)| **of == state)
-            .map(|(_, node)| node)
-            .collect();
+        let nodes = nodes_in(&states, state);
         if !nodes.is_empty() {
             text.push_str(&format!("; boards {nodes} {name}"));
         }

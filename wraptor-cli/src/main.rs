@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod console;
+mod drive;
 mod entry;
 mod input;
 mod interrupt;
@@ -18,9 +19,10 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use wraptor::discovery::{EVERYWHERE, MOST, PORT};
-use wraptor::{Connect, Hand, discover};
+use wraptor::{Hand, discover};
 
 use crate::console::Console;
+use crate::entry::Way;
 use crate::input::Input;
 use crate::output::print;
 use crate::trouble::Trouble;
@@ -43,7 +45,7 @@ enum Task {
     Download(DownloadArgs),
 }
 
-/// Without --connect and --serial: the one hand that answers a search.
+/// Without --connect, --serial and --can: the one hand that answers a search.
 #[derive(Args)]
 struct Place {
     /// The hand, over TCP
@@ -51,11 +53,14 @@ struct Place {
     connect: Option<String>,
     /// The hand, on a serial port
     #[cfg(unix)]
-    #[arg(long, value_name = "PORT", conflicts_with = "connect")]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["connect", "can"])]
     serial: Option<String>,
+    /// The hand's motor boards, by CAN without its GOD: an interface such as can0, or an SLCAN adapter, HOST:PORT or /dev/ttyACM0
+    #[arg(long, value_name = "PLACE", conflicts_with = "connect")]
+    can: Option<String>,
     /// Baud rate of the serial port (parameter BAUD)
     #[cfg(unix)]
-    #[arg(long, default_value_t = 9600, requires = "serial", value_parser = clap::value_parser!(u32).range(600..=115_200))]
+    #[arg(long, default_value_t = entry::BAUD, requires = "serial", value_parser = clap::value_parser!(u32).range(600..=115_200))]
     baud: u32,
 }
 
@@ -63,6 +68,9 @@ struct Place {
 struct ConsoleArgs {
     #[command(flatten)]
     place: Place,
+    /// Begin with the walk-through of the manual (3), as after the entry `walk`
+    #[arg(long)]
+    walk: bool,
     /// A file with an entry a line, instead of standard input; ends at the first error
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
@@ -130,7 +138,7 @@ fn console(args: &ConsoleArgs) -> Result<u8, Trouble> {
         }
         Err(trouble) => return Err(trouble),
     };
-    Console::new(input, hand, Duration::from_secs(args.limit)).run()
+    Console::new(input, hand, Duration::from_secs(args.limit), args.walk).run()
 }
 
 fn discovered(args: &DiscoverArgs) -> Result<(), Trouble> {
@@ -158,14 +166,17 @@ fn download(args: &DownloadArgs) -> Result<(), Trouble> {
 /// Connects to the given hand, or to the only one that answers a search.
 fn find(place: &Place) -> Result<Hand, Trouble> {
     if let Some(address) = &place.connect {
-        return console::connect(Connect::tcp(address));
+        return console::connect(&Way::Tcp(address.clone()));
     }
     #[cfg(unix)]
     if let Some(path) = &place.serial {
-        return console::connect(Connect::serial(path, place.baud));
+        return console::connect(&Way::Serial(path.clone(), place.baud));
+    }
+    if let Some(place) = &place.can {
+        return console::connect(&Way::Can(place.clone()));
     }
     match &discover(&EVERYWHERE, console::SEARCH)?[..] {
-        [hand] => console::connect(Connect::tcp(&hand.address.to_string())),
+        [hand] => console::connect(&Way::Tcp(hand.address.to_string())),
         [] => Err(Trouble::Input(
             "found no hand, expected one that answers a search\n  next: --connect HOST:PORT, or start `hil-sim hand`".into(),
         )),

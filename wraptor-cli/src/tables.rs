@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use god::command;
+use god::command::{self, GclCommand};
+use god::grammar::lower::{self, Request};
+use god::grammar::{self, Statement};
 use god::motors::Prefix;
 use god::parameter::{self, HAND, MOTOR};
 use tater_wire::property::{Access, MotorKind, ROWS};
@@ -19,6 +21,70 @@ fn properties() -> impl Iterator<Item = Property> {
     ROWS.iter().map(|row| row.rules.property)
 }
 
+/// Another name of a property, as section 3 of the manual has it.
+const ALIASES: [(&str, Property); 3] =
+    [("AP", Property::P), ("M", Property::MODE), ("STATUS", Property::STAT)];
+
+fn property_named(upper: &str) -> Option<Property> {
+    let alias = ALIASES.iter().find(|(alias, _)| *alias == upper).map(|(_, property)| *property);
+    alias.or_else(|| Property::named(upper))
+}
+
+/// ` (AP)` behind an answer whose property was asked for by another name than the table's; else nothing.
+pub fn typed_name(line: &str) -> String {
+    let upper = line.to_ascii_uppercase();
+    let Ok(Statement::Lower(Request::Get(_, property))) = grammar::parse(&upper) else {
+        return String::new();
+    };
+    let alias = ALIASES.iter().find(|(alias, of)| *of == property && upper.trim_end().ends_with(alias));
+    alias.map_or_else(String::new, |(alias, _)| format!(" ({alias})"))
+}
+
+/// The values of a line that the hand has refused with ERR 128, and their ranges; `None` if none is seen to be wrong.
+pub fn range(line: &str) -> Option<String> {
+    let upper = line.to_ascii_uppercase();
+    let words: Vec<&str> = upper.split_whitespace().collect();
+    let wrong = |name: &str, value: &str, min: i64, max: i64| {
+        let is_right = value.parse().is_ok_and(|value: i64| (min..=max).contains(&value));
+        (!is_right).then(|| format!("{name}: found {value:?}, expected {min} to {max}"))
+    };
+    // The walk-through's grammar, however it is spaced.
+    if let Ok(Statement::Lower(Request::Set(_, property, value))) = grammar::parse(&upper) {
+        let (rules, name) = (property.rules(), property.row().name);
+        let of_joint = property == Property::E && rules.admits(value);
+        return match of_joint {
+            true => Some(format!("{name}: found {value}, expected a position within the joint's range")),
+            false => wrong(name, &value.to_string(), rules.min(), rules.max()),
+        };
+    }
+    if let [_, "S", name, value, ..] = &words[..]
+        && let Some(property) = property_named(name)
+    {
+        return wrong(name, value, property.rules().min(), property.rules().max());
+    }
+    let Ok(Statement::Command { command, arguments, .. }) = grammar::parse(&upper) else { return None };
+    let spec = command.row()?;
+    let arguments: Vec<&str> = arguments.collect();
+    let of_pair = |pair: &[&str]| {
+        let [name, value] = pair else { return Some("expected a value after each name".to_owned()) };
+        match command {
+            GclCommand::Fset => {
+                let row = parameter::motor(name)?;
+                wrong(row.name, value, row.min(), row.max())
+            }
+            _ => {
+                let row = parameter::hand(name)?;
+                wrong(row.name, value, row.min, row.max)
+            }
+        }
+    };
+    match (command, &arguments[..]) {
+        (GclCommand::Fset | GclCommand::Pset, pairs) => pairs.chunks(2).find_map(of_pair),
+        (_, []) => None,
+        (_, [first, ..]) => Some(format!("{}: found {first:?}, expected {}", spec.name, spec.arguments)),
+    }
+}
+
 /// All there is to explain, a line each.
 pub fn overview() -> String {
     let mut text = String::from("This program:\n");
@@ -33,8 +99,7 @@ pub fn overview() -> String {
         row(spec.name, spec.arguments, spec.help);
     }
     row("", "", "");
-    row("NODES G PROPERTY", "", "reads a property of boards, such as 123 G TEMP");
-    row("NODES S PROPERTY VALUE", "", "sets one, such as 4 S E 82");
+    lower::ROWS.iter().for_each(|lower| row(lower.line, "", lower.help));
     let names = |names: Vec<&str>| names.join(" ");
     let _ = writeln!(text, "Motor parameters: {}", names(MOTOR.iter().map(|row| row.name).collect()));
     let _ = writeln!(text, "Hand parameters: {}", names(HAND.iter().map(|row| row.name).collect()));
@@ -49,6 +114,9 @@ pub fn explain(name: &str) -> Option<String> {
     let upper = name.to_ascii_uppercase();
     for own in OWN.iter().filter(|own| own.name.eq_ignore_ascii_case(name)) {
         let _ = writeln!(text, "{} {}: {}", own.name, own.arguments, own.help);
+    }
+    for lower in lower::ROWS.iter().filter(|lower| lower.name == upper) {
+        let _ = writeln!(text, "{}: {} (the walk-through's grammar, manual 3)", lower.line, lower.help);
     }
     for spec in command::ROWS.iter().filter(|spec| spec.name == upper) {
         let motors = if spec.prefix { "[motors]" } else { "" };
@@ -72,7 +140,7 @@ pub fn explain(name: &str) -> Option<String> {
         }
         text.push_str(")\n");
     }
-    if let Some(property) = Property::named(&upper) {
+    if let Some(property) = property_named(&upper) {
         text.push_str(&of_property(property));
     }
     (!text.is_empty()).then_some(text)
@@ -127,6 +195,7 @@ pub fn complete(before: &str) -> (usize, Vec<String>) {
 fn first_word(part: &str) -> (usize, Vec<&'static str>) {
     let upper = part.to_ascii_uppercase();
     let whole = command::ROWS.iter().map(|spec| spec.name).chain(OWN.iter().map(|own| own.name));
+    let whole = whole.chain(["WAKE", "SAVE"]);
     if whole.clone().any(|name| name.to_ascii_uppercase().starts_with(&upper)) {
         return (0, whole.collect());
     }
@@ -151,6 +220,7 @@ fn is_nodes(word: &str) -> bool {
 
 fn everything() -> Vec<&'static str> {
     let commands = command::ROWS.iter().map(|spec| spec.name).chain(OWN.iter().map(|own| own.name));
+    let commands = commands.chain(["WAKE", "SAVE"]);
     let parameters = MOTOR.iter().map(|row| row.name).chain(HAND.iter().map(|row| row.name));
     commands.chain(parameters).chain(properties().map(|property| property.row().name)).collect()
 }
@@ -166,6 +236,45 @@ mod tests {
             assert!(text.contains(name) && overview().contains(name), "{text}");
         }
         assert_eq!(explain("FROB"), None);
+        for word in ["WAKE", "SAVE", "G", "S", "AP", "STATUS"] {
+            assert!(explain(word).is_some(), "{word}");
+        }
+    }
+
+    #[test]
+    fn refused_value_is_named_with_its_range() {
+        for (line, expected) in [
+            ("4 S MT 5000", Some("MT: found \"5000\", expected 0 to 990")),
+            ("4smt991", Some("MT: found \"991\", expected 0 to 990")),
+            ("4 S MT x", Some("MT: found \"X\", expected 0 to 990")),
+            ("1fset mcv 5 lcv 2", Some("MCV: found \"5\", expected 16 to 4080")),
+            ("FSET LCV", Some("expected a value after each name")),
+            ("PSET BAUD 1", Some("BAUD: found \"1\", expected 6 to 384")),
+            ("12M 20001", Some("M: found \"20001\", expected [position 0..20000]")),
+            ("1 S E 400", Some("E: found 400, expected a position within the joint's range")),
+            ("4 S MT 500", None),
+            ("FROB", None),
+        ] {
+            assert_eq!(range(line).as_deref(), expected, "{line}");
+        }
+    }
+
+    #[test]
+    fn name_as_typed_stands_beside_the_tables() {
+        for (line, expected) in [
+            ("1 g ap", " (AP)"),
+            ("4 G M", " (M)"),
+            ("4 G STATUS ", " (STATUS)"),
+            ("4 G P", ""),
+            ("4 G TEMP", ""),
+            ("VERS", ""),
+        ] {
+            assert_eq!(typed_name(line), expected, "{line}");
+        }
+    }
+
+    #[test]
+    fn property_is_explained_with_its_range() {
         let kp = explain("kp").expect("a property");
         assert!(kp.contains("(property ") && kp.contains(" to "), "{kp}");
     }

@@ -13,6 +13,8 @@ pub enum Trouble {
     Connect(ConnectError),
     /// A call that fails.
     Call(CallError),
+    /// The same, with what the hand's number does not tell: a cause and perhaps its own next step.
+    Explained(CallError, String),
     /// An entry, a file or an argument.
     Input(String),
     /// What ended a script, and where.
@@ -26,9 +28,10 @@ impl Trouble {
             Self::Call(CallError { failure: Failure::Cancelled, .. }) if interrupt::pressed() => {
                 interrupt::CODE
             }
-            Self::Call(error) => match error.failure {
+            Self::Call(error) | Self::Explained(error, _) => match error.failure {
                 Failure::Status(_)
                 | Failure::Silent(_)
+                | Failure::Asleep(_)
                 | Failure::NotTaken { .. }
                 | Failure::NotReached { .. }
                 | Failure::Download { .. }
@@ -51,6 +54,12 @@ impl fmt::Display for Trouble {
         match self {
             Self::Connect(error) => error.fmt(f),
             Self::Call(error) => error.fmt(f),
+            Self::Explained(error, hint) if hint.contains("next: ") => {
+                write!(f, "{}: {}: {hint}", error.call, error.failure)
+            }
+            Self::Explained(error, hint) => {
+                write!(f, "{}: {}: {hint}\n  next: {}", error.call, error.failure, error.failure.next_step())
+            }
             Self::Input(text) => f.write_str(text),
             Self::Script(place, trouble) => write!(f, "{place}{trouble}"),
         }

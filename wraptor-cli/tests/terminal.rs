@@ -56,7 +56,8 @@ fn walk(address: &str) {
     let ask = "1234567 G P";
     let steps = STEPS.iter().flat_map(|(_, entries, _)| entries.iter().chain([&ask]));
     let entries: String = steps.map(|entry| format!("{entry}\n")).collect();
-    let (code, screen, error) = enter(&["--connect", address], &entries);
+    // Step 6 launches the manual's program.
+    let (code, screen, error) = enter(&["--walk", "--connect", address], &entries);
     assert_eq!((code, &*error), (Some(0), ""), "{screen}");
     // After each question the seven lines `1 P=0`, unless a report is between them.
     let answers: Vec<&str> = screen.split("=> 1234567 G P\n").skip(1).collect();
@@ -106,6 +107,50 @@ fn walk_through_without_homing_leaves_positions_untrusted() {
     assert!(screen.contains("=> X1234567FGET S\n4 4 4 4 4 4 4\n"), "{screen}");
 }
 
+/// Bare C, O and M are the hand's own (manual 5) unless the walk-through asks for them, and a board that sleeps is told from one that is gone.
+#[test]
+fn commands_of_section_5_are_typed_alone() {
+    let served = Served::fast_hand();
+    let address = served.place("gcl");
+    let (code, screen, error) = enter(&["--connect", address], "123 G TEMP\n");
+    assert!(code == Some(1) && error.contains("boards 1234567 are asleep\n  next: WAKE"), "{screen}{error}");
+    let entries = "WAKE\nHI\nC\nFGET P\nO\nM\nM 0\nwalk\nO\n1\nwalk off\nO\n";
+    let (code, screen, error) = enter(&["--connect", address], entries);
+    assert_eq!((code, &*error), (Some(0), ""), "{screen}");
+    let closed =
+        screen.split_once("=> FGET P\n").and_then(|(_, rest)| rest.lines().next()).expect("an answer");
+    let counts: Vec<i32> = closed.split_whitespace().map(|count| count.parse().expect("a number")).collect();
+    // CT is 18200, the spread's stop 9130.
+    assert!(
+        counts.len() == 4 && counts[..3].iter().all(|count| *count > 17_000) && counts[3] > 8000,
+        "{closed}"
+    );
+    assert_eq!(screen.matches("Motors: ").count(), 1, "{screen}");
+}
+
+/// RealTime by hand in a script, and the three ways to a hand.
+#[test]
+fn loop_runs_by_hand_and_can_needs_no_god() {
+    let served = Served::fast_hand();
+    let entries = "WAKE\nHI\nloop 12 40 for 0.5\nX4LOOP 8 for 0.2\nVERS\n";
+    let (code, screen, error) = enter(&["--connect", served.place("gcl")], entries);
+    assert_eq!((code, &*error), (Some(0), ""), "{screen}");
+    for words in [">1 [", ">2 [", ">4 [", "40 counts/s", "8 counts/s", "position", "strain", "=> VERS\n600\n"]
+    {
+        assert!(screen.contains(words), "{words}: {screen}");
+    }
+    let (code, _, error) = enter(&["--connect", served.place("gcl")], "loop 12 1 2 3 for 1\n");
+    assert!(
+        code == Some(2) && error.contains("found 3 velocities, expected one, or one for each of 2"),
+        "{error}"
+    );
+    let boards = Served::new(&["bus", "--nodes", "1-7", "--slcan", "127.0.0.1:0"], 1);
+    let place = boards.place("slcan");
+    let (code, screen, error) = enter(&["--can", place], "WAKE\n4 G STAT\n4 S MODE 0\nPGET TEMP\n");
+    assert_eq!((code, &*error), (Some(0), ""), "{screen}");
+    assert!(screen.contains("=> 4 G STAT\n4 STAT=2\n"), "{screen}");
+}
+
 #[test]
 fn script_ends_at_its_first_trouble_and_says_where() {
     let served = Served::fast_hand();
@@ -114,12 +159,22 @@ fn script_ends_at_its_first_trouble_and_says_where() {
         ("WAKE\n# a comment\n\nVERS\nquit\nFROB\n", 0, &["=> VERS\n600\n"][..]),
         ("FROB\nVERS\n", 1, &["FROB: ERR 32", "next: "]),
         ("1C\n", 1, &["1C: ERR 4", "call init"]),
-        ("VERS\nM\n12x\n100\n", 2, &["standard input:3: motors: found \"12x\"", "such as 123", "next: "]),
-        ("M\n123\nfar\n", 2, &["standard input:3: position: found \"far\"", "next: "]),
-        ("M\n123\n", 2, &["standard input:3: found the end", "Position"]),
-        ("1LOOP\n", 2, &["standard input:1: LOOP", "programs"]),
+        ("walk\nM\n12x\n100\n", 2, &["standard input:3: motors: found \"12x\"", "such as 123", "next: "]),
+        ("walk\nM\n123\nfar\n", 2, &["standard input:4: position: found \"far\"", "next: "]),
+        ("walk\nM\n123\n", 2, &["standard input:4: found the end", "Position"]),
+        ("123\n", 2, &["found \"123\"", "walk"]),
+        ("1LOOP\n", 2, &["standard input:1: loop: in a script expected velocities"]),
+        ("LOOP\n", 2, &["expected motors, such as loop 1234"]),
         ("\u{e9}\n", 2, &["printable ASCII"]),
         ("help frob\n", 2, &["help: found \"frob\""]),
+        ("4 S MT 5000\n", 1, &["ERR 128", "MT: found \"5000\", expected 0 to 990", "next: "]),
+        ("1FSET MCV 1\n", 1, &["ERR 128", "MCV: found \"1\", expected 16 to 4080"]),
+        ("WAKE\n4\tG\tSTATUS\n4 G MT\n", 0, &["4 STAT=2 (STATUS)\n", "4 MT=750\n"]),
+        (
+            "help WAKE\nhelp save\nhelp ap\n",
+            0,
+            &["WAKE: wakes the boards", "SAVE: stops the motors", "position"],
+        ),
         ("help FSET\nhelp kp\n", 0, &["FSET <name> <value>", "KP: position gain (property"]),
         ("watch 14 STAT\n", 0, &["node            1       4\nSTAT            2       2"]),
         ("watch 14 STAT for 0\n", 0, &["STAT"]),
@@ -276,24 +331,23 @@ fn port_of_others_and_a_machine_without_threads_are_named() {
     assert!(code == Some(2) && error.contains("the system refuses: ") && error.contains("next: "), "{error}");
 }
 
-/// A person at a terminal: completion, history, ^C, an error that does not end the session.
+/// The program at a terminal: its process, the keyboard, and what it shows.
 #[cfg(target_os = "linux")]
-#[test]
-fn terminal_completes_remembers_and_goes_on_after_errors() {
+fn at_a_terminal(
+    address: &str,
+    home: &std::path::Path,
+) -> (std::process::Child, std::fs::File, std::sync::mpsc::Receiver<Vec<u8>>) {
     use std::fs::{File, OpenOptions};
 
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    let served = Served::fast_hand();
-    let home = folder("home");
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
     grantpt(&master).and_then(|()| unlockpt(&master)).expect("a terminal");
     let name = ptsname(&master, Vec::new()).expect("its name").into_string().expect("text");
     let open = || OpenOptions::new().read(true).write(true).open(&name).expect("the terminal");
     let mut command = wraptor();
-    command.args(["--connect", served.place("gcl")]).env("XDG_STATE_HOME", &home).env("TERM", "xterm");
-    let mut program = command.stdin(open()).stdout(open()).stderr(open()).spawn().expect("it starts");
-    drop(command);
-    let mut master = File::from(master);
+    command.args(["--connect", address]).env("XDG_STATE_HOME", home).env("TERM", "xterm");
+    let program = command.stdin(open()).stdout(open()).stderr(open()).spawn().expect("it starts");
+    let master = File::from(master);
     let (lines, screen) = std::sync::mpsc::channel();
     let mut from = master.try_clone().expect("a second handle");
     std::thread::spawn(move || {
@@ -302,6 +356,16 @@ fn terminal_completes_remembers_and_goes_on_after_errors() {
             let _ = lines.send(bytes[..len].to_vec());
         }
     });
+    (program, master, screen)
+}
+
+/// A person at a terminal: completion, history, ^C, RealTime by keys, an error that does not end the session.
+#[cfg(target_os = "linux")]
+#[test]
+fn terminal_completes_remembers_and_goes_on_after_errors() {
+    let served = Served::fast_hand();
+    let home = folder("home");
+    let (mut program, mut master, screen) = at_a_terminal(served.place("gcl"), &home);
     let mut seen = String::new();
     let mut until = |words: &str| {
         while !seen.contains(words) {
@@ -323,6 +387,26 @@ fn terminal_completes_remembers_and_goes_on_after_errors() {
     // The entry before the last: the last is FROB.
     enter(b"\x1b[A\x1b[A\r");
     until("600");
+    // A connection that fails leaves the one before.
+    enter(b"connect 127.0.0.1:1\r");
+    until("nothing listens there");
+    enter(b"VERS\r");
+    until("600");
+    for entry in [&b"WAKE\r"[..], b"SHI\r"] {
+        enter(entry);
+        // The editor leaves the terminal for the call, and takes it again.
+        until("\x1b[?2004l");
+        until("\x1b[?2004h");
+    }
+    enter(b"loop 4\r");
+    until("keys: ");
+    until(">4 [");
+    enter(b"+");
+    until("   16 counts/s");
+    enter(b"\x1b[B");
+    until("    0 counts/s");
+    enter(b"q");
+    until("=> ");
     enter(b"watch 1 STAT\r");
     until("STAT");
     until("\x1b[2A");
