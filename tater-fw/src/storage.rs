@@ -22,7 +22,7 @@
 //! The monitor is never downloaded, so it reads and writes this layout forever: it must find ID, ROLE and SN, and lose nothing
 //! when it stores them. **So the layout is frozen**: version 1 is the only one. A new value gets a property number of its own,
 //! and up to 32 bits. A new unit gets a number as well: OD is in revolutions where an entry of CTS says so, and in thousands of
-//! counts in journals of earlier programs, which [`Store::open`] converts (decision 0018). A program keeps the numbers that it does not know while all stored together are at most 48 (up to 127:
+//! counts in journals of earlier programs, which [`Store::convert_odometer`] converts (decision 0018). A program keeps the numbers that it does not know while all stored together are at most 48 (up to 127:
 //! the wire has no others). A new layout would get pages of its own; ID, ROLE and SN stay here.
 //!
 //! # Assumption
@@ -177,7 +177,7 @@ pub struct Store {
     changed: Numbers,
     counters: Counters,
     stored_counters: Counters,
-    /// OD is in revolutions, while the flash is read. Later it always is.
+    /// OD is in revolutions, not in thousands of counts.
     turns: bool,
     /// The counters are stored by their least growth, once.
     counters_due: bool,
@@ -235,15 +235,17 @@ impl Store {
             let end = self.replay(flash, page);
             self.pages.ends_at(flash, end);
         }
-        if !self.turns {
-            self.convert_odometer();
-        }
         self.stored_counters = self.counters;
         self.stored_hot = Some(self.hot);
     }
 
-    /// Takes OD for thousands of counts, and queues it as revolutions together with their unit.
-    fn convert_odometer(&mut self) {
+    /// Converts OD of an earlier program's journal, and queues it together with its unit. The application calls this first; the monitor, which
+    /// has no room for it, keeps value and unit as they are.
+    pub fn convert_odometer(&mut self) {
+        if self.turns {
+            return;
+        }
+        self.turns = true;
         let thousands = self.counters.odometer;
         // 1000/18 = 500/9.
         let turns = (thousands / 9).saturating_mul(500).saturating_add(thousands % 9 * 500 / 9);
@@ -570,7 +572,9 @@ impl Store {
         if complete {
             numbers = self.values.numbers();
             COUNTERS.into_iter().for_each(|id| numbers.insert(id));
-            numbers.insert(UNIT);
+            if self.turns {
+                numbers.insert(UNIT);
+            }
             if self.hot {
                 numbers.insert(HOT);
             }

@@ -153,7 +153,8 @@ impl<B: Board> Tater<B> {
 
     /// The first half of [`Self::new`], for a board without stack for both at once; [`Self::wake`] must follow.
     pub fn asleep(mut board: B, now: Micros) -> Self {
-        let store = Store::open(board.flash());
+        let mut store = Store::open(board.flash());
+        store.convert_odometer();
         board.bridge(Bridge::Off);
         board.brake(false);
         let node = identity::node(&Identifying::all(&board, &store));

@@ -787,19 +787,24 @@ fn odometer_of_an_earlier_program_becomes_revolutions_once() {
         (u32::MAX, &[], u32::MAX),
     ] {
         let mut flash = old_journal(thousands, growths);
-        let mut store = Store::open(&flash);
+        let open = |flash: &Ram| {
+            let mut store = Store::open(flash);
+            store.convert_odometer();
+            store
+        };
+        let mut store = open(&flash);
         assert_eq!(store.counters().odometer, turns);
-        assert_eq!(Store::open(&flash).counters().odometer, turns, "the same again until it is stored");
+        assert_eq!(open(&flash).counters().odometer, turns, "the same again until it is stored");
         // It turns on before that is in the flash.
         let grown = turns.saturating_add(500);
         store.count(Counters { odometer: grown, ..store.counters() });
         let mut seen = Vec::new();
         while store.step(&mut flash, false) == Progress::More {
-            seen.push(Store::open(&flash).counters().odometer);
+            seen.push(open(&flash).counters().odometer);
             assert!(seen.len() < 100);
         }
         assert!(seen.iter().all(|&odometer| odometer == turns || odometer == grown), "{seen:?}");
-        let store = Store::open(&flash);
+        let store = open(&flash);
         assert_eq!(
             (store.counters(), store.get(Property::X5)),
             (Counters { upsecs: 100, odometer: grown, ptemp: 250 }, Some(42))
@@ -808,16 +813,24 @@ fn odometer_of_an_earlier_program_becomes_revolutions_once() {
     }
 }
 
-/// A program that knows no unit keeps the entry, and so the meaning of what it counts.
+/// The monitor keeps value and unit of a journal that no application has converted.
 #[test]
 fn unit_of_the_odometer_survives_page_changes() {
-    let mut flash = old_journal(18, &[]);
-    let mut store = Store::open(&flash);
-    finish(&mut store, &mut flash);
-    for round in 0..200 {
-        store.set(Property::X5, round);
+    for (converts, odometer) in [(true, 1000), (false, 18)] {
+        let mut flash = old_journal(18, &[]);
+        let mut store = Store::open(&flash);
+        if converts {
+            store.convert_odometer();
+        }
         finish(&mut store, &mut flash);
-        assert_eq!(Store::open(&flash).counters().odometer, 1000, "{round}");
+        for round in 0..200 {
+            store.set(Property::X5, round);
+            finish(&mut store, &mut flash);
+            let mut read = Store::open(&flash);
+            assert_eq!(read.counters().odometer, odometer, "{round}");
+            read.convert_odometer();
+            assert_eq!(read.counters().odometer, 1000, "{round}");
+        }
+        assert!(flash.erased > 0);
     }
-    assert!(flash.erased > 0);
 }
