@@ -414,9 +414,9 @@ impl<B: Board> Tater<B> {
     /// The value of a property, within its row's range; `None` if it can only be set.
     fn read(&self, property: Property) -> Option<i64> {
         match property {
-            motion!() => motion::get(self.servo.config(), property),
+            motion!() => motion::get(self.servo.config(), property).map(i64::from),
             // The ID of a board without one is 0.
-            settings!() => settings::get(&self.settings, property),
+            settings!() => settings::get(&self.settings, property).map(i64::from),
             // Kept apart because it reads inputs, which a SAVE of all need not do for each property.
             _ => self.observe(property),
         }
@@ -529,13 +529,13 @@ impl<B: Board> Tater<B> {
         match property {
             motion!() => {
                 let mut config = *self.servo.config();
-                if !motion::set(&mut config, property, value) {
+                if !motion::set(&mut config, property, narrow(value)?) {
                     return Err(out_of_range);
                 }
                 self.command(Command::Configure(config))
             }
             settings!() if property == P::WIRING => self.set_wiring(value),
-            settings!() if settings::set(&mut self.settings, property, value) => {
+            settings!() if settings::set(&mut self.settings, property, narrow(value)?) => {
                 if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
                     self.update_filters();
                 }
@@ -639,11 +639,11 @@ impl<B: Board> Tater<B> {
         match saved {
             Some(property) => self.save_one(property),
             None => {
-                motion::each(self.servo.config(), |property, value| self.store.set(property, value));
+                motion::each(self.servo.config(), |property, value| self.store.set(property, value.into()));
                 settings::each(&self.settings, |property, value| {
                     let rules = property.rules();
                     if rules.access != Access::Locked {
-                        self.store.set_by(rules, value);
+                        self.store.set_by(rules, value.into());
                     }
                 });
                 self.save_one(Property::P);

@@ -128,7 +128,7 @@ impl Property {
     #[must_use]
     pub fn get(&self, config: &Config) -> i64 {
         // Every row here is a field.
-        motion::get(config, self.row.property).unwrap_or_default()
+        motion::get(config, self.row.property).unwrap_or_default().into()
     }
 
     /// Sets the property.
@@ -136,7 +136,10 @@ impl Property {
     /// # Errors
     /// The value is out of range; `config` is unchanged.
     pub fn set(&self, config: &mut Config, value: i64) -> Result<(), PropertyError> {
-        if self.row.admits(value) && motion::set(config, self.row.property, value) {
+        if let Ok(narrow) = i32::try_from(value)
+            && self.row.admits(value)
+            && motion::set(config, self.row.property, narrow)
+        {
             return Ok(());
         }
         let (min, max) = self.range();

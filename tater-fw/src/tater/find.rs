@@ -42,7 +42,7 @@ impl<B: Board> Tater<B> {
         if i64::from(self.settings.wiring) == value {
             return Ok(());
         }
-        if !settings::set(&mut self.settings, Property::WIRING, value) {
+        if !settings::set(&mut self.settings, Property::WIRING, super::narrow(value)?) {
             return Err(SetError::Range(Property::WIRING));
         }
         self.distrust();

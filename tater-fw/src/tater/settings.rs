@@ -73,7 +73,7 @@ mod tests {
     fn each_property_has_a_field_of_its_own_that_holds_its_range() {
         for property in PROPERTIES {
             let row = property.row();
-            for value in [row.min, row.max] {
+            for value in [row.min, row.max].map(|value| i32::try_from(value).expect("32 bits")) {
                 let mut settings = Settings::default();
                 assert!(set(&mut settings, property, value), "{property:?} {value}");
                 assert_eq!(get(&settings, property), Some(value), "{property:?}");

@@ -84,7 +84,7 @@ fn apply(bench: &mut Bench, step: Step) {
 fn check(bench: &mut Bench) {
     for property in motion::PROPERTIES {
         let value = motion::get(bench.tater.servo.config(), property);
-        assert!(value.is_some_and(|value| property.rules().admits(value)), "{property:?} {value:?}");
+        assert!(value.is_some_and(|value| property.rules().admits(value.into())), "{property:?} {value:?}");
     }
     let drive = bench.tater.drive();
     // 990/1024 (guard/limits).
