@@ -12,21 +12,21 @@ use tater_wire::{Group, MotorKind, Node, Property};
 pub struct Identifying {
     /// ROLE, SN or ID.
     pub rules: &'static Rules,
-    pub value: i64,
+    pub value: i32,
     /// The value if none is stored. The ID of a board without straps is 0, which is out of its range.
-    pub default: i64,
+    pub default: i32,
 }
 
 impl Identifying {
     pub fn all<B: Board>(board: &B, store: &Store) -> [Self; 3] {
         let role = match Property::ROLE.rules().default {
-            Default::Same(role) => i64::from(role),
+            Default::Same(role) => i32::from(role),
             _ => 0,
         };
         let defaults = [
             (Property::ROLE.rules(), role),
-            (Property::SN.rules(), i64::from(board.serial_number())),
-            (Property::ID.rules(), i64::from(board.straps().number())),
+            (Property::SN.rules(), i32::from(board.serial_number())),
+            (Property::ID.rules(), i32::from(board.straps().number())),
         ];
         defaults.map(|(rules, default)| {
             let mut own = Self { rules, value: default, default };
@@ -60,11 +60,11 @@ pub fn default_kind<B: Board>(board: &B, node: Node) -> MotorKind {
 
 /// The kind of the board's motor.
 pub fn kind<B: Board>(board: &B, store: &Store, node: Node) -> MotorKind {
-    let stored = store.get(Property::KIND).and_then(MotorKind::from_code);
+    let stored = store.get_by(Property::KIND.rules()).map(i64::from).and_then(MotorKind::from_code);
     stored.unwrap_or_else(|| default_kind(board, node))
 }
 
 /// `None` if boards may not listen to the group.
-pub fn group(number: i64) -> Option<Group> {
+pub fn group(number: i32) -> Option<Group> {
     Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
 }

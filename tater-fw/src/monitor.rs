@@ -28,7 +28,7 @@ use tater_wire::download::{START, START_NUMBERED};
 use tater_wire::image::MAGIC_AT;
 use tater_wire::memory::{APPLICATION, STAGING};
 use tater_wire::property::Rules;
-use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
+use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, MotorKind, Node, Property, Value};
 
 /// VERS of the monitor.
 const VERSION: i64 = Property::VERS.rules().max();
@@ -121,8 +121,9 @@ impl<B: Board> Monitor<B> {
         let store = Store::open(board.flash());
         let own = Identifying::all(&board, &store);
         let node = identity::node(&own);
-        let groups =
-            GROUPS.map(|rules| identity::group(store.get_by(rules).or_else(|| rules.default_for(node))?));
+        let groups = GROUPS.map(|rules| {
+            identity::group(store.get_by(rules).or_else(|| rules.default_word(node, MotorKind::of(node)))?)
+        });
         board.set_filters(node, groups);
         let error = board.reset_cause();
         let phase = match Check::new(board.flash(), STAGING) {
@@ -171,8 +172,8 @@ impl<B: Board> Monitor<B> {
                     self.locked.lock.interrupt();
                 }
                 let value = match value {
-                    Value::Short(bits) => i64::from(bits.cast_signed()),
-                    Value::Long(bits) => i64::from(bits.cast_signed()),
+                    Value::Short(bits) => i32::from(bits.cast_signed()),
+                    Value::Long(bits) => bits.cast_signed(),
                 };
                 // Two boards that requested characters at once would get each other's.
                 if property == VERS && mine && host {
@@ -192,7 +193,7 @@ impl<B: Board> Monitor<B> {
             VERS => Some((Property::VERS.rules(), VERSION)),
             ERROR => Some((Property::ERROR.rules(), self.error.map_or(0, |error| i64::from(error.code())))),
             STAT => Some((Property::STAT.rules(), 0)),
-            _ => self.locked.get(number),
+            _ => self.locked.get(number).map(|(rules, value)| (rules, i64::from(value))),
         };
         let message = match answer {
             Some((rules, value)) => Message::answer(self.node, asker, rules, value),
@@ -205,9 +206,9 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    fn set(&mut self, property: u8, value: i64, now: Micros) {
+    fn set(&mut self, property: u8, value: i32, now: Micros) {
         match property {
-            LOCK => self.locked.lock.key(value),
+            LOCK => self.locked.lock.key(value.into()),
             SAVE => {
                 self.locked.save(&mut self.store, value);
                 self.saving = true;
@@ -222,9 +223,9 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    fn set_vers(&mut self, value: i64, now: Micros) {
-        let numbered = value == i64::from(START_NUMBERED);
-        if numbered || value == i64::from(START) {
+    fn set_vers(&mut self, value: i32, now: Micros) {
+        let numbered = value == i32::from(START_NUMBERED);
+        if numbered || value == i32::from(START) {
             self.order(Wish::Download { numbered }, now);
         }
     }

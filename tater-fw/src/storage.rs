@@ -264,28 +264,25 @@ impl Store {
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {
-        self.get_by(property.rules())
+        self.get_by(property.rules()).map(i64::from)
     }
 
     /// [`Self::get`] for a program without room for the whole table.
-    #[must_use]
-    pub fn get_by(&self, rules: &Rules) -> Option<i64> {
-        let value = self.values.get(rules.property.id()).map(i64::from);
-        value.filter(|&value| rules.admits(value))
+    pub(crate) fn get_by(&self, rules: &Rules) -> Option<i32> {
+        self.values.get(rules.property.id()).filter(|&value| rules.admits_word(value))
     }
 
     /// Queues a value to be stored by [`Self::step`]; ignores a property that SAVE does not store, or a value beyond its range.
     /// A P stored this way is not trusted.
     pub fn set(&mut self, property: Property, value: i64) {
-        self.set_by(property.rules(), value);
+        if let Ok(value) = i32::try_from(value) {
+            self.set_by(property.rules(), value);
+        }
     }
 
     /// [`Self::set`] for a program without room for the whole table.
-    pub fn set_by(&mut self, rules: &Rules, value: i64) {
-        if let Ok(value) = i32::try_from(value)
-            && rules.stored == Stored::Yes
-            && rules.admits(value.into())
-        {
+    pub(crate) fn set_by(&mut self, rules: &Rules, value: i32) {
+        if rules.stored == Stored::Yes && rules.admits_word(value) {
             self.change(rules.property, Some(value), None);
         }
     }

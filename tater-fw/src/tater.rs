@@ -472,7 +472,10 @@ impl<B: Board> Tater<B> {
             return Err(out_of_range);
         }
         match property {
-            motion!() | settings!() | P::P | P::PTEMP | P::UPSECS | P::OD => self.set_stored(property, value),
+            motion!() | settings!() | P::P => self.set_stored(property, narrow(value)?),
+            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
+            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
+            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
             P::STAT if value == READY => {
                 self.storage_error = false;
                 self.command(Command::ClearFault)
@@ -523,28 +526,25 @@ impl<B: Board> Tater<B> {
 
     /// Takes a value in the property's range. LOAD and DEF call this, not [`Self::write`], which calls them: the recursion
     /// would have no bound on its stack.
-    fn set_stored(&mut self, property: Property, value: i64) -> Result<(), SetError> {
+    fn set_stored(&mut self, property: Property, value: i32) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
         match property {
             motion!() => {
                 let mut config = *self.servo.config();
-                if !motion::set(&mut config, property, narrow(value)?) {
+                if !motion::set(&mut config, property, value) {
                     return Err(out_of_range);
                 }
                 self.command(Command::Configure(config))
             }
             settings!() if property == P::WIRING => self.set_wiring(value),
-            settings!() if settings::set(&mut self.settings, property, narrow(value)?) => {
+            settings!() if settings::set(&mut self.settings, property, value) => {
                 if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
                     self.update_filters();
                 }
                 Ok(())
             }
-            P::P => self.set_position(narrow(value)?),
-            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
-            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
-            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
+            P::P => self.set_position(value),
             _ => Err(out_of_range),
         }
     }
@@ -639,16 +639,18 @@ impl<B: Board> Tater<B> {
         match saved {
             Some(property) => self.save_one(property),
             None => {
-                motion::each(self.servo.config(), |property, value| self.store.set(property, value.into()));
+                motion::each(self.servo.config(), |property, value| {
+                    self.store.set_by(property.rules(), value)
+                });
                 settings::each(&self.settings, |property, value| {
                     let rules = property.rules();
                     if rules.access != Access::Locked {
-                        self.store.set_by(rules, value.into());
+                        self.store.set_by(rules, value);
                     }
                 });
                 self.save_one(Property::P);
                 for mut own in Identifying::all(&self.board, &self.store) {
-                    own.value = self.read(own.rules.property).unwrap_or(own.default);
+                    own.value = settings::get(&self.settings, own.rules.property).unwrap_or(own.default);
                     if own.is_saved(&self.store) {
                         self.save_one(own.rules.property);
                     }
@@ -729,13 +731,13 @@ impl<B: Board> Tater<B> {
     fn load_all(&mut self, locked: bool) {
         let mut config = motion::unconfigured(self.kind);
         // Defaults are in range, and `stored` gives nothing else.
-        motion::fill(&mut config, |property| stored_width(self.stored(property.rules())));
+        motion::fill(&mut config, |property| self.stored(property.rules()));
         let _ = self.servo.command(Command::Configure(config));
         let mut settings = self.settings;
         settings::fill(&mut settings, |property| {
             let rules = property.rules();
             let wanted = rules.stored == Stored::Yes && (locked || rules.access != Access::Locked);
-            if wanted { stored_width(self.stored(rules)) } else { None }
+            if wanted { self.stored(rules) } else { None }
         });
         self.settings = settings;
         self.update_filters();
@@ -754,20 +756,20 @@ impl<B: Board> Tater<B> {
         Ok(())
     }
 
-    fn stored(&self, rules: &Rules) -> Option<i64> {
+    fn stored(&self, rules: &Rules) -> Option<i32> {
         self.store.get_by(rules).or_else(|| self.unstored(rules))
     }
 
     /// The value where nothing is stored, always in range; `None` for the ID of a board without straps.
-    fn unstored(&self, rules: &Rules) -> Option<i64> {
+    fn unstored(&self, rules: &Rules) -> Option<i32> {
         match rules.property {
             Property::ID | Property::SN => {
                 let own = Identifying::all(&self.board, &self.store);
                 let own = own.iter().find(|own| own.rules.property == rules.property);
-                own.map(|own| own.default).filter(|&value| rules.admits(value))
+                own.map(|own| own.default).filter(|&value| rules.admits_word(value))
             }
             Property::KIND => Some(identity::default_kind(&self.board, self.node).code().into()),
-            _ => rules.default_on(self.node, self.kind),
+            _ => rules.default_word(self.node, self.kind),
         }
     }
 
@@ -1066,8 +1068,4 @@ fn stored_property(by: Property, id: i64) -> Result<Option<Property>, SetError> 
     }
     let property = u8::try_from(id).ok().and_then(Property::of).ok_or(SetError::Range(by))?;
     if property.rules().stored == Stored::No { Err(SetError::Access(property)) } else { Ok(Some(property)) }
-}
-
-fn stored_width(value: Option<i64>) -> Option<i32> {
-    value.and_then(|value| i32::try_from(value).ok())
 }

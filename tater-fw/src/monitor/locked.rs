@@ -21,7 +21,7 @@ impl Locked {
         self.own.iter_mut().find(|own| own.rules.property.id() == id)
     }
 
-    pub(super) fn get(&self, id: u8) -> Option<(&'static Rules, i64)> {
+    pub(super) fn get(&self, id: u8) -> Option<(&'static Rules, i32)> {
         self.own.iter().find(|own| own.rules.property.id() == id).map(|own| (own.rules, own.value))
     }
 
@@ -32,19 +32,19 @@ impl Locked {
     }
 
     /// SET of one of the three: ignored if locked or out of range.
-    pub(super) fn set(&mut self, id: u8, value: i64) {
+    pub(super) fn set(&mut self, id: u8, value: i32) {
         if let Some(own) = self.unlock(id)
-            && own.rules.admits(value)
+            && own.rules.admits_word(value)
         {
             own.value = value;
         }
     }
 
     /// SET of SAVE: stores the property of this number, or all for −1.
-    pub(super) fn save(&self, store: &mut Store, number: i64) {
+    pub(super) fn save(&self, store: &mut Store, number: i32) {
         for own in &self.own {
             let of_all = number == -1 && own.is_saved(store);
-            if of_all || number == i64::from(own.rules.property.id()) {
+            if of_all || number == i32::from(own.rules.property.id()) {
                 // The store ignores what is out of range: the ID 0 of a board that nobody has named.
                 store.set_by(own.rules, own.value);
             }
@@ -52,7 +52,7 @@ impl Locked {
     }
 
     /// SET of LOAD: the stored value, or the default, if unlocked. −1 leaves locked properties alone, and there are no others.
-    pub(super) fn load(&mut self, store: &Store, number: i64) {
+    pub(super) fn load(&mut self, store: &Store, number: i32) {
         if let Ok(id) = u8::try_from(number)
             && let Some(own) = self.unlock(id)
         {

@@ -50,6 +50,7 @@ impl Numbers {
         }
     }
 
+    #[inline(always)]
     pub fn contains(&self, number: u8) -> bool {
         self.0.get(usize::from(number / 32)).is_some_and(|word| word >> (number % 32) & 1 != 0)
     }

@@ -37,12 +37,12 @@ impl<B: Board> Tater<B> {
     }
 
     /// SET WIRING, in idle only. Positions counted with another wiring mean nothing.
-    pub(super) fn set_wiring(&mut self, value: i64) -> Result<(), SetError> {
+    pub(super) fn set_wiring(&mut self, value: i32) -> Result<(), SetError> {
         self.in_idle()?;
-        if i64::from(self.settings.wiring) == value {
+        if i32::from(self.settings.wiring) == value {
             return Ok(());
         }
-        if !settings::set(&mut self.settings, Property::WIRING, super::narrow(value)?) {
+        if !settings::set(&mut self.settings, Property::WIRING, value) {
             return Err(SetError::Range(Property::WIRING));
         }
         self.distrust();

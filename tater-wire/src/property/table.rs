@@ -191,6 +191,15 @@ impl Rules {
         self.min() <= value && value <= self.max() && !is_gap
     }
 
+    /// [`Self::admits`] of a signed 32-bit value, in half the instructions of a 32-bit processor.
+    #[must_use]
+    pub const fn admits_word(&self, value: i32) -> bool {
+        let is_gap = matches!(self.property, Property::OTEMP)
+            && OTEMP_GAP.0 <= value as i64
+            && value as i64 <= OTEMP_GAP.1;
+        self.min <= value && (value < 0 || value.cast_unsigned() <= self.max) && !is_gap
+    }
+
     /// The default for a kind of motor; `None` if there is none, or if it depends on the node.
     #[must_use]
     pub const fn default_for_motor(&self, motor: MotorKind) -> Option<i16> {
@@ -214,22 +223,29 @@ impl Rules {
     /// The default on a node's board with a motor of that kind; `None` if there is none.
     #[must_use]
     pub fn default_on(&self, node: Node, kind: MotorKind) -> Option<i64> {
+        self.default_word(node, kind).map(i64::from)
+    }
+
+    /// [`Self::default_on`] in 32 bits.
+    #[must_use]
+    pub fn default_word(&self, node: Node, kind: MotorKind) -> Option<i32> {
+        let within = |number: u8| i32::from(number).max(self.min).min(self.max.cast_signed());
         // A board that is none of the hand's seven still has a slot and a joint.
         match self.default {
-            Default::Node => Some(i64::from(node.number()).max(self.min()).min(self.max())),
-            Default::Motor => Some(i64::from(motor(node)).max(self.min()).min(self.max())),
-            Default::Slot => Some(i64::from(match motor(node) {
+            Default::Node => Some(within(node.number())),
+            Default::Motor => Some(within(motor(node))),
+            Default::Slot => Some(i32::from(match motor(node) {
                 0 => 1,
                 number @ 1..=4 => number,
                 number => (number - 5) % 4 + 1,
             })),
-            Default::Groups(low, high, arm) => Some(i64::from(match node.number() {
+            Default::Groups(low, high, arm) => Some(i32::from(match node.number() {
                 5..=7 => high,
                 11..=17 => arm,
                 _ => low,
             })),
             Default::None | Default::Same(_) | Default::Kinds(..) => {
-                self.default_for_motor(kind).map(i64::from)
+                self.default_for_motor(kind).map(i32::from)
             }
         }
     }
