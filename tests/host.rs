@@ -2,6 +2,7 @@
 //! the project's own host library.
 
 mod barrett_serial;
+mod borders;
 mod btutil;
 mod can;
 mod libbarrett;

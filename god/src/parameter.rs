@@ -178,8 +178,8 @@ motor! {
     "BS", Movement, RW, Board(Property::BS), "1: a finger stops where it breaks away";
     "DP", Movement, RW, Counts { property: Property::DP, place: 0, defaults: [8500, 1575, 8500] }, "where M goes without an argument, counts";
     "DS", Movement, RW, Counts { property: Property::DS, place: 1, defaults: [1400, 800, 1400] }, "how far IC and IO go without an argument, counts";
-    "HSG", Movement, RW, Board(Property::HSG), "strain above which a motion ends; 255 and 256: never";
-    "LSG", Movement, RW, Board(Property::LSG), "strain below which a motion ends; 255 and 256: never";
+    "HSG", Movement, RW, Board(Property::HSG), "strain above which a motion ends; 0, 255 and 256: never";
+    "LSG", Movement, RW, Board(Property::LSG), "strain below which a motion ends; 0, 255 and 256: never";
     "MOV", Movement, RW, Board(Property::MOV), "greatest velocity of opening, hall counts/s";
     "MCV", Movement, RW, Board(Property::MCV), "greatest velocity of closing, hall counts/s";
     "MSG", Movement, RW, Board(Property::HSG), "the same as HSG";

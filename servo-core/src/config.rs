@@ -33,9 +33,9 @@ pub struct Config {
     pub ki: u16,
     /// KPV: velocity gain of mode 4 in 1/16 torque unit per count/s.
     pub kpv: u16,
-    /// HSG: strain above which a move ends; 255 and more disable it.
+    /// HSG: strain above which a move ends; 0, 255 and more disable it.
     pub hsg: u16,
-    /// LSG: strain below which a move ends; 255 and more disable it.
+    /// LSG: strain below which a move ends; 0, 255 and more disable it.
     pub lsg: u16,
     /// BT: load torque at which a link breaks away, in 1/1024 of peak; 0 = never.
     pub bt: u16,

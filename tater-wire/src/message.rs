@@ -1,9 +1,9 @@
 //! What a frame means. Parsing never panics, and `Message::parse` of `Message::frame` is the same message.
 //!
-//! Formats (Barrett's host software): GET `[id]`; SET and its reply `[0x80|id, 0, v0, v1(, v2, v3)]`, little-endian;
+//! Formats (Barrett's host software): GET `[id, ...]`, of which hosts send 1 to 8 bytes; SET and its reply `[0x80|id, 0, v0, v1(, v2, v3)]`, little-endian;
 //! a position to the host `[0x80 | bits 21..16, 15..8, 7..0]`; packed torques `[0x80|42, ...]`, 14 bits each, most
-//! significant bit first, which to group 5 have the length that no SET has. Our own: `[0, n, o0, o1, o2]` asks for more of a download, and a board whose first
-//! request has that form takes up to eight characters a frame.
+//! significant bit first, which to group 5 have the length that no SET has. Our own: `[0, n, o0, o1, o2]` to the host asks for more of a download, and a board
+//! whose first request has that form takes up to eight characters a frame.
 
 use crate::frame::Frame;
 use crate::id::{Destination, Group, Identifier, Node};
@@ -50,7 +50,7 @@ pub enum Body {
     Position(i32),
     /// Torques for the slots of group 1, 2 or 5.
     Torques(Torques),
-    /// Extension: a monitor requests the next characters of a download.
+    /// Extension: a monitor requests the next characters of a download from the host, node 0.
     More {
         /// Number of frames of up to eight characters that the host may send now.
         frames: u8,
@@ -135,8 +135,12 @@ impl Message {
             {
                 Body::Torques(Torques::parse(packed)?)
             }
-            [id] if id & SET == 0 => Body::Get(id),
-            [0, frames, a, b, c] => Body::More { frames, received: u32::from_le_bytes([a, b, c, 0]) },
+            // To a board the same bytes are a GET of VERS.
+            [0, frames, a, b, c] if to == Destination::Node(Node::HOST) => {
+                Body::More { frames, received: u32::from_le_bytes([a, b, c, 0]) }
+            }
+            // A host for the BH8-282 sends two bytes. What follows the number means nothing.
+            [id, ..] if id & SET == 0 => Body::Get(id),
             [id, 0, a, b] if id & SET != 0 => {
                 Body::Set { property: id & !SET, value: Value::Short(u16::from_le_bytes([a, b])) }
             }

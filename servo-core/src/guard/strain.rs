@@ -1,6 +1,7 @@
 //! HSG and LSG: the strain outside which a move ends (manual 5.3.1).
 
-/// Least value that disables HSG and LSG (manual 5.3.1: "a value of 255 or 256 disables").
+/// Least value that disables HSG and LSG (manual 5.3.1: "a value of 255 or 256 disables"). HSG 0 disables as well: Barrett's hosts
+/// write 0 for "no limit", and as a limit it would end every move. LSG 0 excludes nothing by itself.
 pub const DISABLED: u16 = 255;
 
 /// Range of strain that does not end a move.
@@ -15,7 +16,8 @@ impl Window {
     #[must_use]
     pub fn new(hsg: u16, lsg: u16) -> Self {
         let low = if lsg < DISABLED { u8::try_from(lsg).unwrap_or(0) } else { 0 };
-        Self { low, high: u8::try_from(hsg).unwrap_or(u8::MAX) }
+        let high = if hsg == 0 { u8::MAX } else { u8::try_from(hsg).unwrap_or(u8::MAX) };
+        Self { low, high }
     }
 
     /// Whether `strain` ends a move: above HSG or below LSG.
@@ -39,6 +41,11 @@ mod tests {
             (11, 256, 11, false),
             (0, 256, 255, false),
             (255, 254, 0, true),
+            (2, 1, 0, true),
+            (0, 0, 0, false),
+            (1, 0, 0, false),
+            (255, 0, 256, false),
+            (10, 0, 11, true),
         ];
         for (strain, hsg, lsg, ends) in rows {
             assert_eq!(Window::new(hsg, lsg).excludes(strain), ends, "strain {strain}, HSG {hsg}, LSG {lsg}");

@@ -41,15 +41,24 @@ fn number_that_only_barrett_has_is_answered_with_0_in_its_width() {
     assert_eq!(answer(Node::HOST, BARRETTS), None);
 }
 
+/// A host for the BH8-282 sends `01 00` for ROLE, and waits for the answer without a limit.
 #[test]
-fn value_without_the_bit_of_set_is_no_message() {
-    let parsed = |data: &[u8]| Frame::from_raw(0x004, data).and_then(|frame| Message::parse(&frame));
-    for len in [4, 6] {
-        let mut data = [0x85, 0, 2, 0, 0, 0];
-        assert!(parsed(&data[..len]).is_some(), "SET with {len} bytes");
-        data[0] = 0x05;
-        assert_eq!(parsed(&data[..len]), None, "GET with {len} bytes");
+fn frame_without_the_bit_of_set_is_a_get_of_any_length() {
+    for id in [0x004, 0x404, 0x0C4] {
+        for number in [0, 1, 5, 127] {
+            for len in 1..=8 {
+                for rest in [0, 0x85] {
+                    let data = [number, rest, rest, rest, rest, rest, rest, rest];
+                    let frame = Frame::from_raw(id, &data[..len]).expect("a frame");
+                    let found = Message::parse(&frame).map(|message| message.body);
+                    assert_eq!(found, Some(Body::Get(number)), "{frame:?}");
+                }
+            }
+        }
     }
+    let frame = Frame::from_raw(0x080, &[0, 16, 8, 0, 0]).expect("a frame");
+    let more = Body::More { frames: 16, received: 8 };
+    assert_eq!(Message::parse(&frame).map(|message| message.body), Some(more), "to the host");
 }
 
 #[test]
@@ -97,7 +106,6 @@ fn invalid_frames_do_not_parse() {
         (4, &[0x85]),             // a SET without a value
         (4, &[0x85, 0, 1]),       // three bytes
         (4, &[0x85, 1, 1, 0]),    // byte 1 is not 0
-        (4, &[5, 0, 1, 0]),       // a GET with a value
         (4, &[0x85, 0, 1, 0, 0]), // five
         (4, &[0x85, 0, 1, 0, 0, 0, 0]),
         (0x463, &[0xC0, 0, 0]), // bit 6 of a position
@@ -143,9 +151,9 @@ fn message() -> impl Strategy<Value = Message> {
                 Message { from, to, body: Body::Torques(Torques::new(&torques).expect("one to four")) }
             }
         ),
-        (node(), anywhere, any::<u8>(), 0u32..1 << 24).prop_map(|(from, to, frames, received)| Message {
+        (node(), any::<u8>(), 0u32..1 << 24).prop_map(|(from, frames, received)| Message {
             from,
-            to,
+            to: Destination::Node(Node::HOST),
             body: Body::More { frames, received }
         }),
     ]

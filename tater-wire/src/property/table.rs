@@ -381,8 +381,8 @@ table! {
         "strain gauge";
     GRPA = 26, 16, ReadWrite, Yes, "-", 0..=31, Same(0),
         "first group listened to; group 0 is always heard";
-    GRPB = 27, 16, ReadWrite, Yes, "-", 0..=31, Groups(1, 2, 0),
-        "second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, none for 11 to 17";
+    GRPB = 27, 16, ReadWrite, Yes, "-", 0..=31, Groups(1, 2, 7),
+        "second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, 7 for 11 to 17 as in Barrett's hands";
     GRPC = 28, 16, ReadWrite, Yes, "-", 0..=31, Groups(4, 4, 5),
         "third group listened to: 4, or 5 for nodes 11 to 17";
     CMD = 29, 16, WriteOnly, No, "-", 0..=21, None,
@@ -448,9 +448,9 @@ table! {
     PIDX = 70, 16, ReadWrite, Yes, "-", 1..=4, Slot,
         "the board's slot in packed-torque frames";
     HSG = 71, 16, ReadWrite, Yes, "-", 0..=256, Same(256),
-        "strain above which a move ends; 255 and 256 disable";
+        "strain above which a move ends; 0, 255 and 256 disable";
     LSG = 72, 16, ReadWrite, Yes, "-", 0..=256, Same(256),
-        "strain below which a move ends; 255 and 256 disable";
+        "strain below which a move ends; 0, 255 and 256 disable";
     IVEL = 73, 16, ReadWrite, Yes, "counts/s", -4080..=4080, Kinds(-200, -200, 200),
         "velocity towards the stop in HI (tips home on their closed stop)";
     IOFF = 74, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 0, -350),

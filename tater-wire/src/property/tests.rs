@@ -72,7 +72,7 @@ fn kind_and_hand_defaults_follow_the_nodes_of_a_hand_alone_and_on_an_arm() {
     for (index, kind) in kinds.into_iter().enumerate() {
         let number = u8::try_from(index + 1).expect("seven");
         let slot = i64::from(if number > 4 { number - 4 } else { number });
-        for (node, grpb, grpc) in [(number, if number > 4 { 2 } else { 1 }, 4), (number + 10, 0, 5)] {
+        for (node, grpb, grpc) in [(number, if number > 4 { 2 } else { 1 }, 4), (number + 10, 7, 5)] {
             let node = Node::new(node).expect("a node");
             assert_eq!(MotorKind::of(node), kind, "{node:?}");
             let default = |property: Property| property.row().default_for(node);

@@ -349,7 +349,7 @@ fn frame_to_the_board_or_its_groups_feeds_the_host_watchdog() {
         bench.set(Property::MODE, 2).expect("mode 2");
         for _ in 0..4 {
             bench.ticks(HOSTMS - 100);
-            let _ = bench.say(to, 0, Body::More { frames: 1, received: 0 });
+            let _ = bench.say(to, 0, Body::Get(127));
         }
         assert_eq!(bench.tater.status().fault.is_none(), is_life, "{to:?}");
     }
