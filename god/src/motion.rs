@@ -198,7 +198,11 @@ impl Motion<'_, '_> {
             let alone = Motors::only(motor);
             match (self.plan.cmd(motor), goals.get(motor)) {
                 (Some(cmd), _) => boards.set(alone, Property::CMD, cmd.into()).await,
-                (None, Some(goal)) => boards.set(alone, Property::M, units::halls_from_gcl(goal)).await,
+                (None, Some(goal)) => {
+                    // The manual's 20000 is beyond every joint, and goes to its stop: it is judged by the goal that was asked for.
+                    let halls = motor.kind().nearest_goal(units::halls_from_gcl(goal));
+                    boards.set(alone, Property::M, halls).await;
+                }
                 (None, None) => {}
             }
         }

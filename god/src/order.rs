@@ -127,7 +127,7 @@ pub(crate) async fn set_parameter(god: &God<'_>, spec: &ParameterSpec, values: &
     match spec.source {
         Source::Board(property) => set_verified(god, property, values).await,
         Source::Counts { property, place, .. } => {
-            let on_board = values.map(|_, value| query::counts_on_board(property, value));
+            let on_board = values.map(|motor, value| query::counts_on_board(motor, property, value));
             let status = set_verified(god, property, &on_board).await;
             set_kept(god, values, |of, value| {
                 if let (Some(to), Ok(value)) = (of.as_set.get_mut(usize::from(place)), value.try_into()) {

@@ -141,7 +141,7 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
             };
             on_board.map(|motor, halls| {
                 // Another host may have changed the board's value.
-                let same = as_set(motor).filter(|&as_set| counts_on_board(property, as_set) == halls);
+                let same = as_set(motor).filter(|&as_set| counts_on_board(motor, property, as_set) == halls);
                 same.unwrap_or(units::gcl_from_halls(halls))
             })
         }
@@ -181,9 +181,11 @@ pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
 /// The board's value of a parameter in GCL counts: the nearest hall count in the property's range. MPE below 0 is 0 there, which is the
 /// same to the board: the motion ends as near as possible, and GOD judges it.
 #[must_use]
-pub(crate) fn counts_on_board(property: Property, gcl: i64) -> i64 {
+pub(crate) fn counts_on_board(motor: Motor, property: Property, gcl: i64) -> i64 {
     let rules = property.rules();
-    units::halls_from_gcl(gcl).max(rules.min()).min(rules.max())
+    let halls = units::halls_from_gcl(gcl).max(rules.min()).min(rules.max());
+    // A row of counts fits 32 bits.
+    i32::try_from(halls).map_or(halls, |halls| motor.kind().bounded(property, halls).into())
 }
 
 fn motor_parameters(god: &God<'_>, motor: Motor) -> Option<MotorParameters> {

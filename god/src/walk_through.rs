@@ -48,6 +48,14 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
     if rules.access == Access::ReadOnly {
         return Status::READ_ONLY;
     }
+    let is_goal = matches!(property, Property::E | Property::M | Property::P);
+    let is_beyond = |motor: Motor| motor.kind().nearest_goal(value) != value;
+    if is_goal && motors.iter().any(is_beyond) {
+        // Boards that refuse it refuse MODE 5 as well, until a good one comes.
+        let beyond = motors.iter().filter(|&motor| is_beyond(motor)).collect();
+        god.boards.set(beyond, property, value).await;
+        return Status::INVALID_VALUE;
+    }
     if !rules.admits(value) {
         return Status::INVALID_VALUE;
     }

@@ -124,6 +124,8 @@ pub struct Tater<B: Board> {
     unsent: u32,
     /// END of a motion that was refused, until the next motion.
     refused_end: Option<EndReason>,
+    /// E is not what the host last asked for: MODE 5 is refused until it is (decision 0068).
+    goal_refused: bool,
     finding: Finding,
     events: Events,
     recorded_mode: Mode,
@@ -177,6 +179,7 @@ impl<B: Board> Tater<B> {
             outbox: Deque::new(),
             unsent: 0,
             refused_end: None,
+            goal_refused: false,
             finding: Finding::Nothing,
             events: Events::default(),
             recorded_mode: Mode::Idle,
@@ -402,11 +405,20 @@ impl<B: Board> Tater<B> {
         if property == Property::LOCK {
             self.lock.key(value);
         }
-        match property.rules().access {
+        let result = match property.rules().access {
             Access::ReadOnly => Err(SetError::Access(property)),
             Access::ReadWrite | Access::WriteOnly => self.write(property, value),
             Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),
+        };
+        if matches!(property, Property::E | Property::M | Property::P)
+            && let Err(error) = result
+        {
+            self.goal_refused = true;
+            if property == Property::M && matches!(error, SetError::Range(_)) {
+                self.end_refused(Refusal::Range);
+            }
         }
+        result
     }
 
     // --- properties --------------------------------------------------------------------------------------------
@@ -486,12 +498,23 @@ impl<B: Board> Tater<B> {
             }
             P::MODE => {
                 let mode = codes::mode(value).ok_or(out_of_range)?;
+                if mode == Mode::Trapezoidal && self.goal_refused {
+                    let fault = self.servo.telemetry().fault;
+                    self.end_refused(fault.map_or(Refusal::Range, Refusal::Fault));
+                    return Err(SetError::Range(P::E));
+                }
                 self.command(Command::Mode(mode))
             }
             P::T => self.command(Command::Torque(Torque(narrow(value)?))),
             P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),
-            P::E => self.command(Command::End(narrow(value)?)),
-            P::M => self.command(Command::Move(narrow(value)?)),
+            P::E => {
+                let end = self.goal(property, narrow(value)?)?;
+                self.command(Command::End(end))
+            }
+            P::M => {
+                let end = self.goal(property, narrow(value)?)?;
+                self.command(Command::Move(end))
+            }
             P::CMD => self.run_cmd(value),
             P::FIND => self.find(value),
             P::SAVE => self.save(value),
@@ -529,6 +552,7 @@ impl<B: Board> Tater<B> {
     fn set_stored(&mut self, property: Property, value: i32) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
+        let value = self.kind.bounded(property, value);
         match property {
             motion!() => {
                 let mut config = *self.servo.config();
@@ -544,7 +568,10 @@ impl<B: Board> Tater<B> {
                 }
                 Ok(())
             }
-            P::P => self.set_position(value),
+            P::P => {
+                let position = self.goal(property, value)?;
+                self.set_position(position)
+            }
             _ => Err(out_of_range),
         }
     }
@@ -559,6 +586,9 @@ impl<B: Board> Tater<B> {
             Ok(()) if command.moves() => self.refused_end = None,
             Err(refusal) if starts_motion(&command) => self.end_refused(refusal),
             Ok(()) | Err(_) => {}
+        }
+        if result.is_ok() && matches!(command, Command::Move(_) | Command::End(_) | Command::Position(_)) {
+            self.goal_refused = false;
         }
         result.map_err(SetError::Servo)
     }
@@ -620,12 +650,18 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// IC and IO: relative to the present position, also during a move (manual 5.2).
+    /// A place that a host has ordered, or refused: a host with another hand's units would drive the joint to its stop.
+    fn goal(&self, property: Property, counts: i32) -> Result<i32, SetError> {
+        let [low, high] = self.kind.goals().map(i32::from);
+        if low <= counts && counts <= high { Ok(counts) } else { Err(SetError::Range(property)) }
+    }
+
+    /// IC and IO: relative to the present position, also during a move (manual 5.2), and not beyond the goals. A joint whose zero is not
+    /// known may be beyond them: it steps inwards only.
     fn step_by(&mut self, counts: i32) -> Result<(), SetError> {
-        let end = self.servo.telemetry().position.round().saturating_add(counts);
-        if !Property::E.rules().admits(end.into()) {
-            return Err(SetError::Range(Property::E));
-        }
+        let at = self.servo.telemetry().position.round();
+        let [low, high] = self.kind.goals().map(i32::from);
+        let end = at.saturating_add(counts).max(low.min(at)).min(high.max(at));
         self.command(Command::Move(end))
     }
 
@@ -757,7 +793,8 @@ impl<B: Board> Tater<B> {
     }
 
     fn stored(&self, rules: &Rules) -> Option<i32> {
-        self.store.get_by(rules).or_else(|| self.unstored(rules))
+        let value = self.store.get_by(rules).or_else(|| self.unstored(rules))?;
+        Some(self.kind.bounded(rules.property, value))
     }
 
     /// The value where nothing is stored, always in range; `None` for the ID of a board without straps.

@@ -50,12 +50,12 @@ fn image_stalls_whatever_is_written() {
     let Some(programs) = production() else { return };
     for property in [Property::E, Property::ACCEL] {
         let mut bench = Bench::awake(&programs);
-        // Beyond the stop at 166.
-        bench.set(Property::M, 400);
+        // Behind the stop at 166.
+        bench.set(Property::M, 173);
         bench.wait_ms(800);
         let (mut driven, mut ended) = (0, false);
         for write in 0..30 {
-            bench.set(property, if property == Property::E { 400 } else { 30 } + write % 2);
+            bench.set(property, if property == Property::E { 173 } else { 30 } + write % 2);
             for _ in 0..10 {
                 bench.wait_ms(10);
                 driven += if bench.board().rig().truth().torque_n_m.abs() > 0.1 { 10 } else { 0 };

@@ -14,10 +14,14 @@ const HSG: u8 = 71;
 const LSG: u8 = 72;
 const END: u8 = 115;
 
+const E: u8 = 52;
+const CT: u8 = 56;
+
 const HI: i32 = 13;
 const C: i32 = 18;
 
 const FINGER: u16 = 11;
+const OTHER: u16 = 12;
 
 fn wake<S: Station>(host: &mut Host<S>) {
     host.set(GROUP, STAT, 2);
@@ -61,6 +65,31 @@ fn get_of_any_length_is_answered<S: Station>(host: &mut Host<S>) {
     assert_eq!(host.get(FINGER, MODE), 0);
 }
 
+/// A goal in another hand's units: the board that refuses it stays, the others of the group move. What is stored moves to the bound.
+fn goal_beyond_the_joint_moves_nothing<S: Station>(host: &mut Host<S>) {
+    home(host, &[FINGER, OTHER]);
+    for (bad, wide) in [(3995, false), (81_487, true)] {
+        host.set(FINGER, E, 100);
+        host.set(OTHER, E, if wide { 50 } else { 100 });
+        assert_eq!(bad > 32_767, wide, "beyond the property's range too");
+        host.set(FINGER, E, bad);
+        host.set(GROUP, MODE, 5);
+        host.sleep_ms(1000);
+        host.clear();
+        assert_eq!((host.get(FINGER, MODE), host.get(FINGER, END)), (0, 3), "E {bad}");
+        assert!(host.get(FINGER, P).abs() <= 4, "E {bad}: {}", host.get(FINGER, P));
+        let goal = host.get(OTHER, E);
+        assert!((host.get(OTHER, P) - goal).abs() <= 4 && host.get(OTHER, END) == 1, "E {bad}");
+    }
+    host.set(FINGER, E, 100);
+    host.set(FINGER, MODE, 5);
+    host.sleep_ms(1500);
+    host.clear();
+    assert!((host.get(FINGER, P) - 100).abs() <= 4, "a good goal: {}", host.get(FINGER, P));
+    host.set(FINGER, CT, 750);
+    assert_eq!(host.get(FINGER, CT), 346);
+}
+
 #[test]
 fn strain_limits_of_zero_end_no_move_of_a_native_board() {
     strain_limits_of_zero_end_nothing(&mut native(&[FINGER]));
@@ -72,8 +101,14 @@ fn get_of_any_length_is_answered_by_a_native_board() {
 }
 
 #[test]
+fn goal_beyond_the_joint_moves_no_native_board() {
+    goal_beyond_the_joint_moves_nothing(&mut native(&[FINGER, OTHER]));
+}
+
+#[test]
 fn emulated_boards_do_the_same() {
     let Some(programs) = production() else { return };
+    goal_beyond_the_joint_moves_nothing(&mut emulated(&programs, &[FINGER, OTHER]));
     get_of_any_length_is_answered(&mut emulated(&programs, &[FINGER]));
     strain_limits_of_zero_end_nothing(&mut emulated(&programs, &[FINGER]));
 }

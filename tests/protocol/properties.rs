@@ -1,7 +1,7 @@
 //! Every property on each of the seven nodes, alone and on an arm, by frames alone. A refused frame changes nothing and is not answered.
 
 use tater_wire::property::{Access, PropertySpec, ROWS, Stored};
-use tater_wire::{Body, Destination, Group, Node, Property, Value};
+use tater_wire::{Body, Destination, Group, MotorKind, Node, Property, Value};
 
 use super::board::{Bench, SERIAL};
 
@@ -44,6 +44,21 @@ fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
     taken
 }
 
+fn kind(number: u8) -> MotorKind {
+    MotorKind::of(Node::new(number).expect("a node"))
+}
+
+/// Smallest and largest value that a node takes: goals end at its joint.
+fn range(row: &PropertySpec, number: u8) -> [i64; 2] {
+    match row.property {
+        Property::E | Property::P | Property::CT | Property::OT | Property::DP => {
+            kind(number).goals().map(i64::from)
+        }
+        Property::IOFF => [i32::MIN, i32::MAX].map(|value| kind(number).bounded(row.property, value).into()),
+        _ => [row.min, row.max],
+    }
+}
+
 fn holds(row: &PropertySpec) -> bool {
     let steers =
         matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V | Property::FIND);
@@ -84,7 +99,8 @@ fn property_reads_its_default_in_its_width() {
 fn property_accepts_both_ends_of_its_range_in_either_width() {
     for (number, mut bench) in nodes() {
         for row in ROWS.iter().filter(|row| holds(row)) {
-            for value in [row.min, row.max, row.min + 1, row.max - 1, row.min.midpoint(row.max)] {
+            let [min, max] = range(row, number);
+            for value in [min, max, min + 1, max - 1, min.midpoint(max)] {
                 if !row.admits(value) {
                     continue;
                 }
@@ -100,15 +116,26 @@ fn property_accepts_both_ends_of_its_range_in_either_width() {
 #[test]
 fn out_of_range_value_is_refused() {
     for (number, mut bench) in nodes() {
-        let before = all(&mut bench);
+        let mut before = all(&mut bench);
         for row in ROWS {
-            for value in [row.min - 1, row.max + 1, i64::from(i32::MIN), i64::from(i32::MAX)] {
-                if row.admits(value) {
+            let goals = kind(number).goals().map(i64::from);
+            let beyond_the_joint = [goals[0] - 1, goals[1] + 1];
+            let is_goal = matches!(row.property, Property::E | Property::P | Property::M);
+            for value in [row.min - 1, row.max + 1, i64::from(i32::MIN), i64::from(i32::MAX)]
+                .into_iter()
+                .chain(beyond_the_joint)
+            {
+                if row.admits(value) && !(is_goal && beyond_the_joint.contains(&value)) {
                     continue;
                 }
                 for wire in widths(row, value) {
                     assert!(!set(&mut bench, row, wire), "{} := {wire:?} on node {number}", row.name);
                 }
+            }
+            if row.property == Property::M {
+                // A refused order to move has END 3.
+                let end = ROWS.iter().position(|row| row.property == Property::END).expect("a row");
+                assert_eq!(before[end].replace(3), Some(0));
             }
             assert_eq!(all(&mut bench), before, "{} on node {number}", row.name);
         }
@@ -138,7 +165,8 @@ fn set_changes_only_its_property_and_dependents() {
     for (number, mut bench) in nodes() {
         for row in ROWS.iter().filter(|row| holds(row)) {
             let before = all(&mut bench);
-            let value = if bench.get(row.property) == Some(row.max) { row.min } else { row.max };
+            let [min, max] = range(row, number);
+            let value = if bench.get(row.property) == Some(max) { min } else { max };
             let wire = row.property.write(value).expect("fits 32 bits");
             assert!(set(&mut bench, row, wire));
             for (other, (before, after)) in ROWS.iter().zip(before.into_iter().zip(all(&mut bench))) {
@@ -217,7 +245,8 @@ fn set_to_a_group_reaches_its_members() {
             for row in ROWS.iter().filter(|row| row.stored == Stored::Yes && row.access == Access::ReadWrite)
             {
                 let before = bench.get(row.property);
-                let value = if before == Some(row.min) { row.max } else { row.min };
+                let [min, max] = range(row, number);
+                let value = if before == Some(min) { max } else { min };
                 let wire = row.property.write(value).expect("fits 32 bits");
                 let body = Body::Set { property: row.property.id(), value: wire };
                 bench.say(Destination::Group(group), 0, body).expect("obeyed or skipped");

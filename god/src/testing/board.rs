@@ -5,7 +5,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 use tater_wire::property::{Access, ROWS};
-use tater_wire::{Cmd, Destination, EndCode, Group, ModeCode, Node, Property};
+use tater_wire::{Cmd, Destination, EndCode, Group, ModeCode, MotorKind, Node, Property};
 
 /// HALLH: the position is known.
 const POSITION_KNOWN: i64 = 1 << 30;
@@ -147,7 +147,9 @@ impl Board {
                 self.saved[id] = self.values[id];
             }
             _ if property.rules().admits(value) && property.rules().access == Access::ReadWrite => {
-                self.put(property, value);
+                let kind = MotorKind::of(self.node);
+                let narrow = i32::try_from(value).map(|value| kind.bounded(property, value).into());
+                self.put(property, narrow.unwrap_or(value));
             }
             _ => {}
         }

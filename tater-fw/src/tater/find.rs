@@ -66,7 +66,9 @@ impl<B: Board> Tater<B> {
                 if wiring == 0 {
                     return Err(SetError::Servo(Refusal::Wiring));
                 }
-                self.step_by(way)?;
+                // Not bounded: where the joint stands is not known.
+                let end = self.servo.telemetry().position.round().saturating_add(way);
+                self.command(Command::Move(end))?;
                 self.finding = Finding::Testing { from: self.commutator.count() };
             }
             Order::Closed | Order::Opened => {

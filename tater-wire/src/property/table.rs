@@ -123,6 +123,41 @@ impl MotorKind {
             Self::Tip => [-158, 350],
         }
     }
+
+    /// Hall counts that a goal may lie beyond the joint's range (decision 0068). The spread's default CT is 3 beyond it, HI may be off by
+    /// 2, and a host that wants to press on a stop orders a goal behind it: at the default KP of 120, 8 counts ask for the motor's
+    /// whole torque, 990.
+    pub const GOAL_MARGIN: i16 = 8;
+
+    /// The lowest and the highest goal: the joint's range and a margin. A board refuses an order beyond it, and moves stored targets to it.
+    #[must_use]
+    pub const fn goals(self) -> [i16; 2] {
+        let [low, high] = self.range_counts();
+        [low - Self::GOAL_MARGIN, high + Self::GOAL_MARGIN]
+    }
+
+    /// The goal nearest to a place.
+    #[must_use]
+    pub fn nearest_goal(self, counts: i64) -> i64 {
+        let [low, high] = self.goals().map(i64::from);
+        counts.max(low).min(high)
+    }
+
+    /// A stored value as the board takes it: targets CT, OT and DP end at the [`Self::goals`], and IOFF, the way from a stop to zero, at the
+    /// joint's width and the margin, in either direction. Any other value is itself.
+    #[must_use]
+    pub fn bounded(self, property: Property, value: i32) -> i32 {
+        let [low, high] = self.goals().map(i32::from);
+        let (low, high) = match property {
+            Property::CT | Property::OT | Property::DP => (low, high),
+            Property::IOFF => {
+                let way = high - low - i32::from(Self::GOAL_MARGIN);
+                (-way, way)
+            }
+            _ => return value,
+        };
+        value.max(low).min(high)
+    }
 }
 
 /// A property's row: the texts for people, and by [`Deref`] its [`Rules`].
@@ -424,19 +459,19 @@ table! {
     MOV = 47, 16, ReadWrite, Yes, "counts/s", 16..=4080, Same(1000),
         "cruise velocity when opening";
     P = 48, 32, ReadWrite, Yes, "counts", -32767..=32767, Same(0),
-        "position; set in idle it says what the present position is called, in mode 3 where to go; GET is answered by the 22-bit position frame";
+        "position; set in idle it says what the present position is called, in mode 3 where to go; within the goals of KIND; GET is answered by the 22-bit position frame";
     DP = 50, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(155, 29, 155),
-        "default position: where CMD M goes";
+        "default position: where CMD M goes; ends at the goals of KIND";
     E = 52, 32, ReadWrite, No, "counts", -32767..=32767, Same(0),
-        "where a trapezoidal move ends; during a move it re-plans";
+        "where a trapezoidal move ends; during a move it re-plans; beyond the goals of KIND it is refused";
     OT = 54, 32, ReadWrite, Yes, "counts", -32767..=32767, Same(0),
-        "open target: where CMD O goes";
+        "open target: where CMD O goes; ends at the goals of KIND";
     CT = 56, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(331, 169, 331),
-        "close target: where CMD C goes";
+        "close target: where CMD C goes; ends at the goals of KIND";
     M = 58, 32, WriteOnly, No, "counts", -32767..=32767, None,
-        "E and a move to it in one; HOLD says how it ends";
+        "E and a move to it in one, HOLD says how it ends; beyond the goals of KIND it is refused";
     DS = 60, 16, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 15, 25),
-        "default step of CMD IC and IO";
+        "default step of CMD IC and IO, which end at the goals of KIND";
     UPSECS = 63, 32, Locked, Always, "s", 0..=4294967295, Same(0),
         "time with power on, ever";
     OD = 64, 32, Locked, Always, "revolutions", 0..=4294967295, Same(0),
@@ -454,7 +489,7 @@ table! {
     IVEL = 73, 16, ReadWrite, Yes, "counts/s", -4080..=4080, Kinds(-200, -200, 200),
         "velocity towards the stop in HI (tips home on their closed stop)";
     IOFF = 74, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 0, -350),
-        "way from the stop to zero in HI";
+        "way from the stop to zero in HI; at most the joint's width and 8 in either direction";
     MPE = 76, 16, ReadWrite, Yes, "counts", 0..=32767, Same(4),
         "arrival window";
     HOLD = 77, 16, ReadWrite, Yes, "-", 0..=1, Kinds(0, 1, 0),
@@ -508,7 +543,7 @@ table! {
     HOSTMS = 119, 16, ReadWrite, Yes, "ms", 0..=65535, Same(2000),
         "in mode 2 or 4 set by a host, no frame to this board or its groups for this long ends the motion with ERROR 7; 0 never";
     KIND = 120, 16, Locked, Yes, "-", 1..=3, Kinds(1, 2, 3),
-        "kind of motor: 1 link, 2 spread, 3 tip; by the straps, or without straps by the node, until set; a new one counts from the next start on";
+        "kind of motor: 1 link, 2 spread, 3 tip; goals are -33 to 346, -8 to 174, -166 to 358; by the straps, or without straps by the node, until set; a new one counts from the next start on";
     VSET = 121, 16, ReadOnly, No, "counts/s", -4080..=4080, Same(0),
         "V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended";
     // The motor of decision 0003 with 2e-5 kg·m²: 0.6496 N·m/1024 / 2e-5 kg·m² / 0.3491 rad = 90.9 counts/s², 0.0651 V·s/rad,

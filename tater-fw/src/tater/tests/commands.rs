@@ -291,3 +291,104 @@ fn board_without_node_does_not_move() {
         assert_eq!(bench.say(all, 0, Body::Set { property: property.id(), value }), Ok(()));
     }
 }
+
+const LINK_GOALS: [i64; 2] = [-33, 346];
+
+#[test]
+fn goals_end_at_the_joints_range_and_a_margin() {
+    for (straps, [low, high]) in [(1, LINK_GOALS), (4, [-8, 174]), (6, [-166, 358])] {
+        let mut bench = Bench::new(straps);
+        for property in [Property::E, Property::P] {
+            for good in [low, high] {
+                assert_eq!(bench.set(property, good), Ok(()), "{property:?} {good}");
+                assert_eq!(bench.get(property), Some(good));
+            }
+            for bad in [low - 1, high + 1, 3995, -32_767, 32_768, 81_487] {
+                assert_eq!(bench.set(property, bad), Err(SetError::Range(property)), "{property:?} {bad}");
+                assert_eq!(bench.get(property), Some(high), "{property:?} {bad}");
+            }
+        }
+    }
+}
+
+#[test]
+fn mode_5_is_refused_after_a_refused_goal_until_a_good_one() {
+    for bad in [Property::E, Property::M, Property::P] {
+        for good in [Property::E, Property::P, Property::CMD] {
+            let mut bench = Bench::new(1);
+            bench.set(Property::E, 100).expect("in range");
+            assert_eq!(bench.set(bad, 81_487), Err(SetError::Range(bad)));
+            let aborted = if bad == Property::M { 3 } else { 0 };
+            assert_eq!(bench.get(Property::END), Some(aborted), "an order to move sets END");
+            assert_eq!(bench.set(Property::MODE, 5), Err(SetError::Range(Property::E)));
+            assert_eq!((bench.get(Property::MODE), bench.get(Property::END)), (Some(0), Some(3)));
+            bench.set(good, if good == Property::CMD { command::Cmd::C.into() } else { 50 }).expect("good");
+            bench.set(Property::MODE, 5).expect("moves");
+            assert_eq!((bench.get(Property::MODE), bench.get(Property::END)), (Some(5), Some(0)));
+        }
+    }
+}
+
+#[test]
+fn mode_5_after_a_refused_goal_names_a_latched_fault() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::E, 9999).expect_err("beyond the joint");
+    bench.tater.bridge_fault();
+    bench.tick();
+    bench.set(Property::MODE, 5).expect_err("refused");
+    assert_eq!(bench.get(Property::END), Some(6));
+}
+
+/// What is stored moves to the bound instead: btutil leaves CT 750.
+#[test]
+fn stored_targets_are_moved_to_the_goals() {
+    let mut bench = Bench::new(1);
+    for (property, value, taken) in [
+        (Property::CT, 750, 346),
+        (Property::OT, -32_767, -33),
+        (Property::DP, 347, 346),
+        (Property::IOFF, 32_767, 371),
+        (Property::IOFF, -372, -371),
+        (Property::DS, 32_767, 32_767),
+    ] {
+        assert_eq!(bench.set(property, value), Ok(()));
+        assert_eq!(bench.get(property), Some(taken), "{property:?} {value}");
+    }
+    assert_eq!(bench.set(Property::CT, 195_000), Err(SetError::Range(Property::CT)), "beyond the row");
+    cmd(&mut bench, 18).expect("C");
+    assert_eq!(bench.get(Property::E), Some(346));
+}
+
+#[test]
+fn target_that_an_older_firmware_has_stored_is_moved_to_the_goals() {
+    let mut board = FakeBoard::new(4);
+    let mut store = crate::storage::Store::open(&board.flash);
+    store.set(Property::CT, 750);
+    while store.step(&mut board.flash, true) != crate::storage::Progress::Done {}
+    let mut bench = Bench::on(board, 0);
+    assert_eq!(bench.get(Property::CT), Some(174));
+    bench.set(Property::CT, 20).expect("in range");
+    bench.set(Property::LOAD, Property::CT.id().into()).expect("stored");
+    assert_eq!(bench.get(Property::CT), Some(174));
+}
+
+#[test]
+fn step_ends_at_the_goals_and_never_turns_back() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::P, 340).expect("in range");
+    bench.tick();
+    cmd(&mut bench, 14).expect("IC");
+    assert_eq!(bench.get(Property::E), Some(346));
+    cmd(&mut bench, 21).expect("T");
+    // A joint without a known zero may stand anywhere.
+    bench.set(Property::P, -33).expect("in range");
+    let count = bench.count;
+    for step in 1..=40 {
+        bench.tick_to(count - step);
+    }
+    assert_eq!(bench.get(Property::P), Some(-73));
+    cmd(&mut bench, 15).expect("IO");
+    assert_eq!(bench.get(Property::E), Some(-73), "not outwards, and not back to -33");
+    cmd(&mut bench, 14).expect("IC");
+    assert_eq!(bench.get(Property::E), Some(-73 + 25));
+}

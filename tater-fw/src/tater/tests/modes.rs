@@ -102,19 +102,20 @@ fn position_renames_in_idle_and_is_the_goal_in_mode_3() {
     let mut bench = Bench::new(1);
     bench.tick_to(12);
     assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(12), Some(12)));
-    bench.set(Property::P, -32_767).expect("idle");
-    assert_eq!(bench.get(Property::P), Some(-32_767));
+    bench.set(Property::P, -33).expect("idle");
+    assert_eq!(bench.get(Property::P), Some(-33));
     bench.tick_to(0);
     bench.tick_to(-9);
-    assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(-32_788), Some(9)));
+    assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(-54), Some(9)));
     bench.set(Property::MODE, 3).expect("mode 3");
     bench.tick();
-    bench.set(Property::P, -32_700).expect("mode 3");
+    bench.set(Property::P, 34).expect("mode 3");
     bench.ticks(100);
     // The set-point heads for it, up to where it waits for the rotor of this bench.
-    assert!((-32_783..-32_778).contains(&bench.tater.status().setpoint.round()));
-    assert_eq!(bench.get(Property::P), Some(-32_788));
+    assert!((-49..-44).contains(&bench.tater.status().setpoint.round()));
+    assert_eq!(bench.get(Property::P), Some(-54));
     for mode in [Mode::Torque, Mode::Velocity, Mode::Trapezoidal] {
+        bench.set(Property::E, 0).expect("a goal after a refused P");
         bench.set(Property::MODE, mode_code(mode).into()).expect("a mode");
         assert_eq!(bench.set(Property::P, 5), Err(SetError::Servo(Refusal::Mode(mode))));
     }
@@ -125,8 +126,8 @@ fn e_reads_as_set_and_m_is_e_and_mode_5_in_one() {
     let mut bench = Bench::new(1);
     bench.set(Property::P, 50).expect("idle");
     assert_eq!(bench.get(Property::E), Some(0));
-    bench.set(Property::E, -44).expect("in range");
-    assert_eq!((bench.get(Property::E), bench.get(Property::MODE)), (Some(-44), Some(0)));
+    bench.set(Property::E, -22).expect("in range");
+    assert_eq!((bench.get(Property::E), bench.get(Property::MODE)), (Some(-22), Some(0)));
     bench.set(Property::M, 60).expect("in range");
     assert_eq!((bench.get(Property::E), bench.get(Property::MODE)), (Some(60), Some(5)));
     assert_eq!(bench.get(Property::END), Some(0), "it has not ended");

@@ -140,7 +140,7 @@ fn motion_refused_for_a_fault_sets_end_6_at_once() {
         assert_eq!(bench.get(Property::ERROR), Some(6));
         bench.set(Property::STAT, 2).expect("clears it");
         assert_eq!(bench.get(Property::END), Some(6));
-        bench.set(Property::M, 400).expect("moves");
+        bench.set(Property::M, 300).expect("moves");
         bench.ticks(3);
         assert_eq!((bench.get(Property::END), bench.get(Property::MODE)), (Some(0), Some(5)));
     }
@@ -161,7 +161,7 @@ fn homing_that_cannot_find_a_stop_sets_end_3_at_once() {
 fn refusal_leaves_end_to_a_motion_under_way_and_to_streamed_torque() {
     let mut bench = Bench::new(1);
     bench.set(Property::IVEL, 0).expect("in range");
-    bench.set(Property::M, 400).expect("moves");
+    bench.set(Property::M, 300).expect("moves");
     bench.ticks(10);
     bench.set(Property::CMD, 13).expect_err("no velocity");
     assert_eq!((bench.get(Property::END), bench.get(Property::MODE)), (Some(0), Some(5)));
