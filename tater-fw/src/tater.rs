@@ -25,7 +25,7 @@ use crate::identity::{self, Identifying};
 use crate::lock::Lock;
 use crate::motion::{self, motion};
 use crate::set_error::SetError;
-use crate::storage::{Counters, Progress, Store};
+use crate::storage::{Progress, Store};
 use heapless::Deque;
 use servo_core::guard::thermal::Start;
 use servo_core::mode::Mode;
@@ -485,9 +485,7 @@ impl<B: Board> Tater<B> {
         }
         match property {
             motion!() | settings!() | P::P => self.set_stored(property, narrow(value)?),
-            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
-            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
-            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
+            P::PTEMP | P::UPSECS | P::OD => self.set_counter(property, value),
             P::STAT if value == READY => {
                 self.storage_error = false;
                 self.command(Command::ClearFault)
@@ -498,11 +496,6 @@ impl<B: Board> Tater<B> {
             }
             P::MODE => {
                 let mode = codes::mode(value).ok_or(out_of_range)?;
-                if mode == Mode::Trapezoidal && self.goal_refused {
-                    let fault = self.servo.telemetry().fault;
-                    self.end_refused(fault.map_or(Refusal::Range, Refusal::Fault));
-                    return Err(SetError::Range(P::E));
-                }
                 self.command(Command::Mode(mode))
             }
             P::T => self.command(Command::Torque(Torque(narrow(value)?))),
@@ -572,6 +565,7 @@ impl<B: Board> Tater<B> {
                 let position = self.goal(property, value)?;
                 self.set_position(position)
             }
+            P::PTEMP | P::UPSECS | P::OD => self.set_counter(property, value.into()),
             _ => Err(out_of_range),
         }
     }
@@ -580,6 +574,11 @@ impl<B: Board> Tater<B> {
         // A board without a node cannot be stopped on its own.
         if self.node == Node::HOST && command.moves() {
             return Err(SetError::Unnamed);
+        }
+        if self.goal_refused && matches!(command, Command::Mode(Mode::Trapezoidal)) {
+            let fault = self.servo.telemetry().fault;
+            self.end_refused(fault.map_or(Refusal::Range, Refusal::Fault));
+            return Err(SetError::Range(Property::E));
         }
         let result = self.servo.command(command);
         match result {
@@ -612,7 +611,13 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    fn reset_counters(&mut self, counters: Counters) -> Result<(), SetError> {
+    fn set_counter(&mut self, property: Property, value: i64) -> Result<(), SetError> {
+        let mut counters = self.store.counters();
+        match property {
+            Property::PTEMP => counters.ptemp = narrow(value)?,
+            Property::UPSECS => counters.upsecs = narrow(value)?,
+            _ => counters.odometer = narrow(value)?,
+        }
         self.store.reset_counters(counters);
         Ok(())
     }

@@ -312,7 +312,7 @@ fn stat_0_resets_so_that_a_new_id_takes_effect() {
     assert_eq!(bench.board().resets, 1);
     let mut bench = bench.reset();
     assert_eq!((bench.get(3, 5), bench.get(14, 5), bench.get(14, 3)), (None, Some(0), Some(14)));
-    // GRPC of a node of an arm's hand.
-    let groups = [Group::new(0), Group::new(0), Group::new(5)];
+    // GRPB and GRPC of a node of an arm's hand.
+    let groups = [Group::new(0), Group::new(7), Group::new(5)];
     assert_eq!(bench.board().listens, Node::new(14).map(|node| (node, groups)));
 }

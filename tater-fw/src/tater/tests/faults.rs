@@ -311,7 +311,7 @@ fn set_of_p_in_idle_is_refused_while_error_is_not_0() {
                 continue;
             }
             let position = bench.get(Property::P);
-            for value in [535, -1, 0] {
+            for value in [135, -1, 0] {
                 assert_eq!(bench.set(Property::P, value), Err(SetError::Fault(row.code)), "{}", row.name);
                 assert_eq!(bench.get(Property::P), position, "{} on {straps}", row.name);
             }

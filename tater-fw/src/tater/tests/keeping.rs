@@ -27,7 +27,7 @@ fn saved(straps: u8) -> Bench {
 #[test]
 fn save_load_and_def_of_one() {
     let rows =
-        [(Property::MT, 500, 750), (Property::CT, -44, 331), (Property::HOLD, 1, 0), (Property::X5, -1, 0)];
+        [(Property::MT, 500, 750), (Property::CT, -22, 331), (Property::HOLD, 1, 0), (Property::X5, -1, 0)];
     for (property, value, default) in rows {
         let mut bench = Bench::new(1);
         set(&mut bench, property, value);
