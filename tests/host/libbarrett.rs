@@ -20,7 +20,6 @@ const E: u8 = 52;
 const HOLD: u8 = 77;
 
 const HI: i32 = 13;
-const O: i32 = 20;
 
 /// Looks at a board, and wakes it, with the board's time to leave and to join the bus.
 fn wake<S: Station>(host: &mut Host<S>, nodes: &[u16]) {
