@@ -9,6 +9,7 @@ mod btutil;
 mod can;
 mod cisst;
 mod handif;
+mod host_units;
 mod libbarrett;
 mod libgripper;
 mod library;

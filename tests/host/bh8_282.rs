@@ -85,6 +85,7 @@ fn set_values<S: Station>(host: &mut Host<S>, nodes: &[u16]) {
 
 fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
     init(host, nodes);
+    host.mark_zeros(nodes);
     set_values(host, nodes);
     for (cmd, finger) in [(CLOSE, 195_000), (OPEN, 0)] {
         for &node in nodes.iter().rev() {

@@ -208,8 +208,7 @@ impl<S: Motorized> Api<'_, S> {
 
     /// Counts of the API against the plant's joint, from where IOFF 0 has put the zero: the open stop.
     fn is_at(&self, node: u16, counts: i32, what: &str) {
-        let (at, count) =
-            (self.host.joint_rad(node) - zero_rad(self.host, node), self.host.rad_per_count(node));
+        let (at, count) = (self.host.joint_rad(node), self.host.rad_per_count(node));
         let wanted = f64::from(counts) / counts_per_rad(node);
         println!(
             "figure: {what} of Barrett's API, node {node}: {wanted:.4} rad asked, {at:.4} rad of the joint"
@@ -223,11 +222,6 @@ impl<S: Motorized> Api<'_, S> {
 
 fn counts_per_rad(node: u16) -> f64 {
     4096.0 * if node == SPREAD { 17.5 } else { 125.0 } / std::f64::consts::TAU
-}
-
-/// The open stop of the joint: a finger's is 25 counts and a half below the zero of the default IOFF, the spread's half a count.
-fn zero_rad<S: Motorized>(host: &Host<S>, node: u16) -> f64 {
-    -host.rad_per_count(node) * if node == SPREAD { 0.0 } else { 25.0 }
 }
 
 fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
@@ -244,6 +238,9 @@ fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
     }
     // With IOFF 0 the zero is at the stop.
     api.init();
+    let at_stop = api.host.joint_rad(nodes[0]) / api.host.rad_per_count(nodes[0]);
+    assert!((at_stop + 25.0).abs() < 3.0, "{at_stop} counts from the zero of the default IOFF");
+    api.host.mark_zeros(nodes);
     supervises(&mut api);
     runs_realtime(&mut api);
 }
@@ -281,7 +278,7 @@ fn supervises<S: Motorized>(api: &mut Api<'_, S>) {
     // To the stop or as far as the torque takes it, and no further than TSTOP.
     api.all(&fingers, TC);
     for &node in &fingers {
-        assert!(api.host.joint_rad(node) > 2.3, "TorqueClose, node {node}: {} rad", api.host.joint_rad(node));
+        assert!(api.host.joint_rad(node) > 2.5, "TorqueClose, node {node}: {} rad", api.host.joint_rad(node));
     }
     api.all(&fingers, O);
     for &node in nodes {

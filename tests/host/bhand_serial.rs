@@ -43,6 +43,7 @@ impl<S: Motorized> Api<S> {
         let banner = self.call("RESET").expect("no error");
         assert!(banner.contains(BANNER), "-9: {banner:?}");
         assert_eq!(self.call("HI"), Ok(String::new()));
+        self.port.mark_zeros();
     }
 
     fn numbers(&mut self, line: &str) -> Vec<i64> {
@@ -50,15 +51,9 @@ impl<S: Motorized> Api<S> {
         text.split_whitespace().map(|word| word.parse().expect("a number")).collect()
     }
 
-    /// The true GCL counts of a motor, 1 to 7.
-    fn gcl(&self, motor: usize) -> f64 {
-        let station = self.port.hand.bus().stations().nth(motor - 1).expect("seven boards");
-        55.0 * station.rig().truth().counts
-    }
-
     fn is_at(&self, motors: &[usize], gcl: f64, line: &str) {
         for &motor in motors {
-            let at = self.gcl(motor);
+            let at = self.port.gcl(motor);
             // A hall count, and half of one that GOD rounds.
             assert!((at - gcl).abs() <= 82.5, "{line}: motor {motor} is at {at}");
         }
@@ -70,7 +65,6 @@ const FINGERS: &[usize] = &[1, 2, 3];
 fn drives<S: Motorized>(boards: Vec<S>) {
     let mut api = Api { port: Port::open(boards, Memory::default()) };
     api.init();
-    api.is_at(&[1, 2, 3, 4], 0.0, "HI");
     for (line, motors, gcl) in [
         ("C", FINGERS, 18_205.0),
         ("O", FINGERS, 0.0),
@@ -95,7 +89,7 @@ fn drives<S: Motorized>(boards: Vec<S>) {
     }
     let read = api.numbers("FGET P");
     for (motor, read) in [1, 2, 3, 4].into_iter().zip(read) {
-        assert!((api.gcl(motor) - read as f64).abs() <= 55.0, "motor {motor} reads {read}");
+        assert!((api.port.gcl(motor) - read as f64).abs() <= 55.0, "motor {motor} reads {read}");
     }
     assert_eq!(api.numbers("PGET TEMP")[0] / 10, 35);
     assert_eq!(api.call("BOGUS"), Err(32));

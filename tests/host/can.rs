@@ -33,6 +33,8 @@ const WIDE: [u8; 12] = [48, 50, 52, 54, 56, 58, 66, 68, 74, 88, 96, 98];
 pub struct Host<S: Station> {
     pub bus: Bus<S>,
     nodes: Vec<u16>,
+    /// Where each joint truly was when its board was at P 0, counts.
+    zeros: Vec<f64>,
 }
 
 fn id(number: u16) -> Id {
@@ -90,7 +92,7 @@ impl<S: Station> Host<S> {
     fn new(nodes: &[u16], boards: Vec<S>) -> Self {
         let mut bus = Bus::new(boards);
         bus.plug_host("host", Adapter::default()).expect("the first host");
-        let mut host = Self { bus, nodes: nodes.to_vec() };
+        let mut host = Self { bus, nodes: nodes.to_vec(), zeros: vec![0.0; nodes.len()] };
         host.sleep_ms(200);
         host
     }
@@ -171,14 +173,28 @@ impl<S: Station> Host<S> {
 }
 
 impl<S: Motorized> Host<S> {
-    fn truth(&self, node: u16) -> Truth {
-        let place = self.nodes.iter().position(|&own| own == node).expect("a board of this bus");
-        self.bus.stations().nth(place).expect("as many as nodes").rig().truth()
+    fn place(&self, node: u16) -> usize {
+        self.nodes.iter().position(|&own| own == node).expect("a board of this bus")
     }
 
-    /// Where the joint truly is: radians from the joint's zero, which HI finds with the default IOFF.
+    fn truth(&self, node: u16) -> Truth {
+        self.bus.stations().nth(self.place(node)).expect("as many as nodes").rig().truth()
+    }
+
+    /// Takes the present place of a board that HI has left at P 0 for the zero of [`Self::joint_rad`]: HI presses the stop, whose gear
+    /// gives way by a count or two, so that its zero is that far from the drawing's.
+    pub fn mark_zeros(&mut self, nodes: &[u16]) {
+        for &node in nodes {
+            // The position frame, in either unit.
+            assert_eq!(self.get(node, 48), 0, "node {node} after HI");
+            let place = self.place(node);
+            self.zeros[place] = self.truth(node).counts;
+        }
+    }
+
+    /// Where the joint truly is, radians from the marked zero.
     pub fn joint_rad(&self, node: u16) -> f64 {
-        self.truth(node).counts * self.rad_per_count(node)
+        (self.truth(node).counts - self.zeros[self.place(node)]) * self.rad_per_count(node)
     }
 
     /// The motor's true torque, at the joint behind a gear without loss.

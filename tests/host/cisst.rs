@@ -83,6 +83,7 @@ fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
         nodes.iter().all(|&node| matches!(host.get(node, MODE), 0 | 3))
     });
     assert!(done, "HI");
+    host.mark_zeros(nodes);
     set(host, GROUP, MODE, 3);
     host.sleep_ms(10);
     // 0.5 rad towards closing, in steps: its positions are goals of mode 3.

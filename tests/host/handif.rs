@@ -41,8 +41,9 @@ impl<S: Motorized> Handif<S> {
         let text =
             self.port.read_until(b"=>", FOREVER_MS).unwrap_or_else(|| panic!("no prompt after {line}"));
         let text = &text[..text.len() - 4];
-        let answer =
-            text.iter().position(|&byte| byte == b'\n').map_or(text, |at| text.get(at + 2..).unwrap_or(&[]));
+        // Without a LF there is the echo alone.
+        let lf = text.iter().position(|&byte| byte == b'\n');
+        let answer = lf.and_then(|at| text.get(at + 2..)).unwrap_or(&[]);
         String::from_utf8_lossy(answer).trim().to_owned()
     }
 
@@ -66,14 +67,9 @@ impl<S: Motorized> Handif<S> {
         block
     }
 
-    fn gcl(&self, motor: usize) -> f64 {
-        let station = self.port.hand.bus().stations().nth(motor - 1).expect("seven boards");
-        55.0 * station.rig().truth().counts
-    }
-
     fn are_at(&self, goals: &[(usize, f64)], what: &str) {
         for &(motor, gcl) in goals {
-            let at = self.gcl(motor);
+            let at = self.port.gcl(motor);
             assert!((at - gcl).abs() <= 82.5, "{what}: motor {motor} is at {at}, not {gcl}");
         }
     }
@@ -91,6 +87,7 @@ impl<S: Motorized> Handif<S> {
 
 fn drives<S: Motorized>(mut hand: Handif<S>) {
     assert_eq!(hand.command("HI"), "");
+    hand.port.mark_zeros();
     for line in ["GO", "SO"] {
         assert_eq!(hand.command(line), "", "{line}");
     }
@@ -100,7 +97,7 @@ fn drives<S: Motorized>(mut hand: Handif<S>) {
     hand.set_positions([0, 5000, 10_000, 15_000]);
     let read = hand.numbers("FGET P");
     for (motor, read) in [1, 2, 3, 4].into_iter().zip(&read) {
-        assert!((hand.gcl(motor) - *read as f64).abs() <= 55.0, "{read:?}");
+        assert!((hand.port.gcl(motor) - *read as f64).abs() <= 55.0, "{read:?}");
     }
     // Angles by the ratio of the earlier hand, 125 and 17.5 counts a degree: pi, pi/3, pi/4, pi/5.
     hand.set_positions([3150, 7500, 5625, 4500]);
@@ -116,7 +113,7 @@ fn drives<S: Motorized>(mut hand: Handif<S>) {
         f64::from(i16::from_be_bytes([block[3 * finger + 1], block[3 * finger + 2]]))
     };
     for (velocity, blocks) in [(20_i8, 35), (-50, 20)] {
-        let before: Vec<f64> = (1..=3).map(|motor| hand.gcl(motor)).collect();
+        let before: Vec<f64> = (1..=3).map(|motor| hand.port.gcl(motor)).collect();
         let begin_us = hand.port.hand.now_us();
         let velocity_byte = velocity.cast_unsigned();
         let mut block = Vec::new();
@@ -125,7 +122,7 @@ fn drives<S: Motorized>(mut hand: Handif<S>) {
         }
         let seconds = (hand.port.hand.now_us() - begin_us) as f64 * 1e-6;
         for finger in 0..3 {
-            let (at, moved) = (hand.gcl(finger + 1), hand.gcl(finger + 1) - before[finger]);
+            let (at, moved) = (hand.port.gcl(finger + 1), hand.port.gcl(finger + 1) - before[finger]);
             let wanted = 55.0 * f64::from(velocity) * seconds;
             // The first block's start and the last one's end; the joint's stop.
             assert!(

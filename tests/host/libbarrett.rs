@@ -166,6 +166,7 @@ fn moves_in_every_mode<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
     let ratios = Ratios::read(host, nodes);
     initialize(host, nodes);
     wait_until_done(host, nodes, &holds);
+    host.mark_zeros(nodes);
     trapezoidal_move(host, nodes, &ratios, 1.0, &holds);
     // Positions, in mode 3.
     host.set(GROUP, MODE, 3);

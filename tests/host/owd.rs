@@ -153,6 +153,7 @@ fn torque<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
 fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
     activate(host, nodes);
     find_stops(host, nodes);
+    host.mark_zeros(nodes);
     let fingers = &nodes[..nodes.len() - 1];
     set_up(host, fingers);
     wait(host, nodes);

@@ -48,14 +48,9 @@ impl<S: Motorized> Connect<S> {
         number.trim().parse().unwrap_or_else(|_| panic!("{line}: {lines:?}"))
     }
 
-    fn gcl(&self, motor: usize) -> f64 {
-        let station = self.port.hand.bus().stations().nth(motor - 1).expect("seven boards");
-        55.0 * station.rig().truth().counts
-    }
-
     fn are_at(&mut self, positions: [i64; 4], what: &str) {
         for ((name, motor), position) in FINGERS.into_iter().zip(positions) {
-            let at = self.gcl(motor);
+            let at = self.port.gcl(motor);
             assert!((at - position as f64).abs() <= 82.5, "{what}: {name} is at {at}, not {position}");
             let read = self.number(&format!("{name}FGET P"));
             assert!((at - read as f64).abs() <= 55.0, "{what}: {name} reads {read} at {at}");
@@ -73,6 +68,7 @@ fn drives<S: Motorized>(boards: Vec<S>) {
     let mut hand = Connect { port: Port::open(boards, Memory::default()) };
     hand.command("HI");
     hand.pass(15);
+    hand.port.mark_zeros();
     hand.are_at([0; 4], "HI");
     // A speed for each, opening and closing.
     for parameter in ["MOV", "MCV"] {
@@ -104,7 +100,7 @@ fn drives<S: Motorized>(boards: Vec<S>) {
     }
     hand.command("123TC");
     hand.pass(8);
-    assert!((1..=3).all(|motor| hand.gcl(motor) > 18_000.0), "to the stop");
+    assert!((1..=3).all(|motor| hand.port.gcl(motor) > 18_000.0), "to the stop");
 }
 
 #[test]
