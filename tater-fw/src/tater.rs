@@ -493,7 +493,9 @@ impl<B: Board> Tater<B> {
             }
             P::MODE => {
                 let mode = codes::mode(value).ok_or(out_of_range)?;
-                self.command(Command::Mode(mode))
+                // A BH8-280's hosts wait for mode 0 where HOLD is 0 (decision 0070).
+                let follows_hold = mode == Mode::Trapezoidal && self.has_foreign_units();
+                self.command(if follows_hold { Command::MoveToEnd } else { Command::Mode(mode) })
             }
             P::T => self.command(Command::Torque(Torque(narrow(value)?))),
             P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),

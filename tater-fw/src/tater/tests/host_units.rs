@@ -142,3 +142,21 @@ fn steps_are_as_long_as_asked() {
     bench.set(Property::CMD, 14).expect("IC");
     assert_eq!((bench.tater.property(Property::E), bench.tater.status().mode), (Some(9), Mode::Trapezoidal));
 }
+
+/// libbarrett waits for mode 0 where HOLD is 0; a host of this project's units sees mode 3 (decision 0069).
+#[test]
+fn mode_5_ends_as_hold_says_in_foreign_units_only() {
+    for (host_units, hold, mode) in [(280, 0, 0), (280, 1, 3), (0, 0, 3), (0, 1, 3)] {
+        let mut bench = Bench::new(1);
+        bench.set(Property::HOSTUNITS, host_units).expect("a value of it");
+        bench.set(Property::HOLD, hold).expect("in range");
+        bench.set(Property::E, if host_units == 0 { 10 } else { 5805 }).expect("in range");
+        bench.set(Property::MODE, 5).expect("a mode");
+        bench.follow(2000);
+        assert_eq!(
+            (bench.get(Property::MODE), bench.get(Property::END)),
+            (Some(mode), Some(1)),
+            "{host_units} {hold}"
+        );
+    }
+}
