@@ -191,3 +191,140 @@ fn exhausted_descriptors_are_reported_once_and_recover() {
     let more: Vec<String> = said.map_while(Result::ok).filter(|line| line.starts_with("warning")).collect();
     assert_eq!(more, [""; 0], "told once");
 }
+
+/// A bus whose plants can be asked, and the address for that.
+fn serve_truth(nodes: &str, units: &str) -> (Served, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    command.args([
+        "bus",
+        "--nodes",
+        nodes,
+        "--slcan",
+        "127.0.0.1:0",
+        "--truth",
+        "127.0.0.1:0",
+        "--host-units",
+        units,
+    ]);
+    let mut process =
+        command.stderr(Stdio::null()).stdout(Stdio::piped()).spawn().expect("the binary starts");
+    let mut lines = BufReader::new(process.stdout.take().expect("piped")).lines();
+    let mut next = |word: &str| {
+        let line = lines.next().expect("a line").expect("text");
+        line.strip_prefix(word).unwrap_or_else(|| panic!("{word}: {line}")).trim().to_owned()
+    };
+    let (address, truth) = (next("slcan "), next("truth "));
+    (Served { process, address }, truth)
+}
+
+fn ask_truth(stream: &mut TcpStream) -> serde_json::Value {
+    stream.write_all(b"\n").expect("written");
+    serde_json::from_str(&read_to(stream, "\n")).expect("one object a line")
+}
+
+fn asker(address: &str) -> TcpStream {
+    let stream = TcpStream::connect(address).expect("connected");
+    stream.set_read_timeout(Some(HANGS)).expect("a time-out");
+    stream
+}
+
+/// A host that asks for 1 rad of a finger's joint in the units of a BH8-280, and a test that sees where the joint goes.
+#[test]
+fn truth_shows_the_radian_that_a_host_of_the_bh8_280_asks_for() {
+    let (served, truth) = serve_truth("11,14", "280");
+    let mut truth = asker(&truth);
+    let mut host = connect(&served);
+    host.write_all(b"C\rS8\rO\r").expect("written");
+    read_to(&mut host, "\x07\r\r");
+    let mut until = |host: &mut TcpStream, request: &[u8], answer: &str| {
+        (0..QUESTIONS).find(|_| {
+            host.write_all(request).expect("written");
+            read_to(host, "V0100\r").contains(answer)
+        })
+    };
+    // SET STAT 2 until it is 2; HI until MODE is 4, then 0.
+    until(&mut host, b"t00B485000200\rt00B105\rV\r", "t566485000200").expect("awake");
+    until(&mut host, b"t00B49D000D00\rt00B108\rV\r", "t566488000400").expect("HI");
+    until(&mut host, b"t00B108\rV\r", "t566488000000").expect("HI has ended");
+    // E 81,487, MODE 5, until MODE is 0.
+    host.write_all(b"t00B6B4004F3E0100\rt00B488000500\rV\r").expect("written");
+    read_to(&mut host, "V0100\r");
+    until(&mut host, b"t00B108\rV\r", "t566488000000").expect("arrived");
+    let answer = ask_truth(&mut truth);
+    let motors = answer["motors"].as_array().expect("a list");
+    assert_eq!(motors.len(), 2, "{answer}");
+    assert_eq!((&motors[0]["node"], &motors[0]["motor"]), (&11.into(), &"link".into()), "{answer}");
+    assert_eq!((&motors[1]["node"], &motors[1]["motor"]), (&14.into(), &"spread".into()), "{answer}");
+    let number =
+        |motor: usize, key: &str| motors[motor][key].as_f64().unwrap_or_else(|| panic!("{key}: {answer}"));
+    // A count of the finger is 2 pi / (18 * 49).
+    assert!((number(0, "position_rad") - 1.0).abs() <= 0.0072, "{answer}");
+    assert!((number(0, "position_counts") / 140.374 - number(0, "position_rad")).abs() < 1e-4, "{answer}");
+    for key in
+        ["velocity_counts_per_s", "velocity_rad_per_s", "torque_n_m", "joint_torque_n_m", "contact_n_m"]
+    {
+        assert!(number(0, key).abs() < 1e-3, "{key} at rest: {answer}");
+    }
+    assert_eq!(
+        (&motors[0]["contact"], &motors[1]["brake_engaged"]),
+        (&false.into(), &true.into()),
+        "{answer}"
+    );
+    assert!(answer["t_us"].as_u64().is_some_and(|us| us > 0), "{answer}");
+    // The other motor stands at its start.
+    assert!(number(1, "position_counts").abs() < 1.0, "{answer}");
+}
+
+#[test]
+fn truth_answers_every_line_once_and_nothing_else() {
+    let (_served, truth) = serve_truth("4", "0");
+    let mut stream = asker(&truth);
+    // Line ends of every kind, words, and bytes without sense: five lines.
+    stream.write_all(b"\n\r\nwhat?\r\xFF\x00\x03\n{}\n").expect("written");
+    for _ in 0..5 {
+        let line: serde_json::Value = serde_json::from_str(&read_to(&mut stream, "\n")).expect("JSON");
+        assert_eq!(line["motors"].as_array().map(Vec::len), Some(1), "{line}");
+    }
+    // What comes before the end of the input is answered; then the connection ends.
+    stream.write_all(b"half\n\n").expect("written");
+    stream.shutdown(std::net::Shutdown::Write).expect("connected");
+    let mut rest = String::new();
+    stream.read_to_string(&mut rest).expect("closed in order");
+    assert_eq!(rest.lines().count(), 2, "{rest}");
+}
+
+/// A client that asks and never reads keeps neither the host nor another client waiting.
+#[test]
+fn truth_client_that_never_reads_blocks_nobody() {
+    let (served, truth) = serve_truth("1-7", "0");
+    let mut flood = asker(&truth);
+    flood.set_nonblocking(true).expect("a socket");
+    let lines = [b'\n'; 1 << 16];
+    // Until the sockets are full.
+    while flood.write(&lines).is_ok() {}
+    let mut other = asker(&truth);
+    assert_eq!(ask_truth(&mut other)["motors"].as_array().map(Vec::len), Some(7));
+    let mut host = connect(&served);
+    ask(&mut host);
+    // Four may ask; the flood is one of them.
+    let more: Vec<TcpStream> = (0..2).map(|_| asker(&truth)).collect();
+    let mut refused = asker(&truth);
+    let mut text = String::new();
+    refused.read_to_string(&mut text).expect("closed in order");
+    assert!(text.starts_with("{\"error\":"), "{text}");
+    drop((flood, more));
+    assert_eq!(ask_truth(&mut other)["motors"].as_array().map(Vec::len), Some(7));
+}
+
+#[test]
+fn host_units_takes_0_and_280() {
+    for units in ["1", "262", "281", "-1", "x"] {
+        let option = format!("--host-units={units}");
+        let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+            .args(["bus", "--node", "4", "--slcan", "127.0.0.1:0", &option])
+            .output()
+            .expect("the binary runs");
+        assert_eq!(output.status.code(), Some(2), "{units}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("host-units"), "{units}");
+    }
+}

@@ -33,20 +33,20 @@
 //!
 //! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges wait for
 //! it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one
-//! property has 8 half-words, 0.42 ms; of all 51 that are stored up to 111, 5.9 ms; a complete one up to 123, 6.5 ms. An erase
+//! property has 8 half-words, 0.42 ms; of all 52 that are stored up to 113, 6.0 ms; a complete one up to 125, 6.6 ms. An erase
 //! takes 20 to 40 ms; it comes after a SAVE, not before, and only with the bridge off.
 //!
 //! # Endurance
 //!
 //! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages; all wear alike. Behind the
-//! longest complete record a page has room for 387 half-words.
+//! longest complete record a page has room for 385 half-words.
 //!
-//! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 51 x 8 = 408
-//!   half-words, a page and a twentieth, 640 erases a page. Saved by one command it is a quarter.
+//! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 52 x 8 = 416
+//!   half-words, a page and a twelfth, 680 erases a page. Saved by one command it is a quarter.
 //! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,740 erases a page. OD is stored along with
 //!   it, and each 450 revolutions in between. Moving all the time as fast as a finger can (500 counts/s) is 21 million more,
 //!   8,700 erases a page together. PTEMP only rises: 1,250 half-words in its life.
-//! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 561, and 5,000 of
+//! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 572, and 5,000 of
 //!   them are 900 erases a page.
 //! * The hot mark is two half-words each time that the winding gets hot and cools down, at least 5.5 s: at most 31,000 a day, which the
 //!   ring endures for 2.8 years without a pause.

@@ -34,7 +34,7 @@ use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Micros, Torque};
 use servo_core::{Command, Config, Drive, EndReason, Event, Refusal, Sense, Servo, Telemetry};
-use tater_wire::property::{Access, Rules, Stored};
+use tater_wire::property::{Access, Rules, Stored, host_units};
 use tater_wire::{
     Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property, Torques,
     Value,
@@ -355,7 +355,10 @@ impl<B: Board> Tater<B> {
             self.lock.interrupt();
         }
         let property = Property::of(number).ok_or(SetError::Unknown)?;
-        let value = property.read(value);
+        let mut value = property.read(value);
+        if self.has_foreign_units() {
+            value = host_units::to_board(property, self.kind, value);
+        }
         self.set(property, value)?;
         if !matches!(property, Property::T | Property::V | Property::LOCK) {
             // Every property's range is within 32 bits.
@@ -368,8 +371,16 @@ impl<B: Board> Tater<B> {
     fn set_torques(&mut self, torques: Torques) -> Result<(), SetError> {
         self.lock.interrupt();
         let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
-        let torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
+        let mut torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
+        if self.has_foreign_units() {
+            torque = narrow(host_units::to_board(Property::T, self.kind, torque.into()))?;
+        }
         self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
+    }
+
+    /// Values on the bus are a BH8-280's.
+    fn has_foreign_units(&self) -> bool {
+        i64::from(self.settings.hostunits) == host_units::BH8_280
     }
 
     fn is_addressed(&self, to: Destination) -> bool {
@@ -496,7 +507,9 @@ impl<B: Board> Tater<B> {
             }
             P::MODE => {
                 let mode = codes::mode(value).ok_or(out_of_range)?;
-                self.command(Command::Mode(mode))
+                // A BH8-280's hosts wait for mode 0 where HOLD is 0 (decision 0070).
+                let follows_hold = mode == Mode::Trapezoidal && self.has_foreign_units();
+                self.command(if follows_hold { Command::MoveToEnd } else { Command::Mode(mode) })
             }
             P::T => self.command(Command::Torque(Torque(narrow(value)?))),
             P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),
@@ -851,6 +864,8 @@ impl<B: Board> Tater<B> {
 
     /// Sends a value to a node: to the host as a reply, to another board as a SET of VALUE.
     fn answer(&mut self, to: Node, property: Property, value: i64) -> Result<(), SetError> {
+        let value =
+            if self.has_foreign_units() { host_units::to_host(property, self.kind, value) } else { value };
         // Every readable value fits 32 bits.
         let message =
             Message::answer(self.node, to, property.rules(), value).ok_or(SetError::Range(property))?;

@@ -4,6 +4,7 @@
 //! Numbers below 109 are Barrett's, for motor firmware from 175 on; 109 and up are this project's.
 
 pub mod barrett;
+pub mod host_units;
 mod table;
 #[cfg(test)]
 mod tests;

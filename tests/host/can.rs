@@ -1,15 +1,21 @@
 //! A host on the bus that knows frames only, and boards of a hand beside an arm: nodes 11 to 14, in group 5.
 
+use std::f64::consts::TAU;
+
 use board_emu::board::Board;
 use board_emu::image::Programs;
 use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus, Stamped, Station};
-use hil_sim::node::{Node, shipped_storage};
+use hil_sim::hand::Motorized;
+use hil_sim::node::{Node, shipped_storage, store};
 use hil_sim::plant::Model;
+use hil_sim::rig::Truth;
 use hil_sim::rig::flash::SimFlash;
+use tater_fw::Board as _;
 use tater_fw::storage::{Progress, Store};
 use tater_wire::memory::{FLASH, STORAGE};
-use tater_wire::{Frame, Node as Id, Property};
+use tater_wire::property::host_units::{BH8_280, OWN};
+use tater_wire::{Frame, MotorKind, Node as Id, Property};
 
 use crate::emulated::bench::flashed;
 
@@ -26,6 +32,9 @@ const WIDE: [u8; 12] = [48, 50, 52, 54, 56, 58, 66, 68, 74, 88, 96, 98];
 
 pub struct Host<S: Station> {
     pub bus: Bus<S>,
+    nodes: Vec<u16>,
+    /// Where each joint truly was when its board was at P 0, counts.
+    zeros: Vec<f64>,
 }
 
 fn id(number: u16) -> Id {
@@ -34,12 +43,34 @@ fn id(number: u16) -> Id {
 
 /// Native boards in their monitors.
 pub fn native(nodes: &[u16]) -> Host<Node> {
-    let node = |&n: &u16| Node::new(SimBoard::standard(id(n), Model::Averaged, u64::from(n)));
-    Host::new(nodes.iter().map(node).collect())
+    native_in(nodes, OWN)
+}
+
+/// The same in the units of a BH8-280.
+pub fn native_280(nodes: &[u16]) -> Host<Node> {
+    native_in(nodes, BH8_280)
+}
+
+fn native_in(nodes: &[u16], host_units: i64) -> Host<Node> {
+    let node = |&n: &u16| {
+        let mut board = SimBoard::standard(id(n), Model::Averaged, u64::from(n));
+        store(board.flash(), Property::HOSTUNITS, host_units);
+        Node::new(board)
+    };
+    Host::new(nodes, nodes.iter().map(node).collect())
 }
 
 /// Emulated boards in their monitors. Straps have three bits, so the node is stored, as `cargo xtask flash --node` does it.
 pub fn emulated(programs: &Programs, nodes: &[u16]) -> Host<Board> {
+    emulated_in(programs, nodes, OWN)
+}
+
+/// The same in the units of a BH8-280.
+pub fn emulated_280(programs: &Programs, nodes: &[u16]) -> Host<Board> {
+    emulated_in(programs, nodes, BH8_280)
+}
+
+fn emulated_in(programs: &Programs, nodes: &[u16], host_units: i64) -> Host<Board> {
     let board = |&node: &u16| {
         let straps = u8::try_from(node % 10).expect("1 to 7");
         let mut board = flashed(programs, straps);
@@ -48,19 +79,20 @@ pub fn emulated(programs: &Programs, nodes: &[u16]) -> Host<Board> {
         let mut store = Store::open(&flash);
         store.set(Property::ID, node.into());
         while store.step(&mut flash, true) != Progress::Done {}
+        self::store(&mut flash, Property::HOSTUNITS, host_units);
         let storage = &flash.bytes()[(STORAGE.start - FLASH.start) as usize..][..STORAGE.len as usize];
         board.machine_mut().chip_mut().flash.load(STORAGE.start, storage);
         board.power_on();
         board
     };
-    Host::new(nodes.iter().map(board).collect())
+    Host::new(nodes, nodes.iter().map(board).collect())
 }
 
 impl<S: Station> Host<S> {
-    fn new(boards: Vec<S>) -> Self {
+    fn new(nodes: &[u16], boards: Vec<S>) -> Self {
         let mut bus = Bus::new(boards);
         bus.plug_host("host", Adapter::default()).expect("the first host");
-        let mut host = Self { bus };
+        let mut host = Self { bus, nodes: nodes.to_vec(), zeros: vec![0.0; nodes.len()] };
         host.sleep_ms(200);
         host
     }
@@ -138,4 +170,46 @@ impl<S: Station> Host<S> {
         }
         values.into_iter().map(|value| value.expect("each once")).collect()
     }
+}
+
+impl<S: Motorized> Host<S> {
+    fn place(&self, node: u16) -> usize {
+        self.nodes.iter().position(|&own| own == node).expect("a board of this bus")
+    }
+
+    fn truth(&self, node: u16) -> Truth {
+        self.bus.stations().nth(self.place(node)).expect("as many as nodes").rig().truth()
+    }
+
+    /// Takes the present place of a board that HI has left at P 0 for the zero of [`Self::joint_rad`]: HI presses the stop, whose gear
+    /// gives way by a count or two, so that its zero is that far from the drawing's.
+    pub fn mark_zeros(&mut self, nodes: &[u16]) {
+        for &node in nodes {
+            // The position frame, in either unit.
+            assert_eq!(self.get(node, 48), 0, "node {node} after HI");
+            let place = self.place(node);
+            self.zeros[place] = self.truth(node).counts;
+        }
+    }
+
+    /// Where the joint truly is, radians from the marked zero.
+    pub fn joint_rad(&self, node: u16) -> f64 {
+        (self.truth(node).counts - self.zeros[self.place(node)]) * self.rad_per_count(node)
+    }
+
+    /// The motor's true torque, at the joint behind a gear without loss.
+    pub fn joint_torque_n_m(&self, node: u16) -> f64 {
+        self.truth(node).torque_n_m * gear(node)
+    }
+
+    /// The angle of the joint between two hall counts.
+    #[allow(clippy::unused_self, reason = "reads as the others do")]
+    pub fn rad_per_count(&self, node: u16) -> f64 {
+        TAU / (18.0 * gear(node))
+    }
+}
+
+/// Revolutions of the motor for one of the joint (manual 1.3.2, table 2).
+fn gear(node: u16) -> f64 {
+    MotorKind::of(id(node)).gear_hundredths() as f64 / 100.0
 }

@@ -25,6 +25,8 @@ pub(super) struct Port<S> {
     heard: Vec<u8>,
     /// The program's baud rate / 100.
     pub baud: u16,
+    /// Where each motor truly was when HI had ended, hall counts.
+    zeros: Vec<f64>,
 }
 
 impl<S: Motorized> Port<S> {
@@ -34,7 +36,22 @@ impl<S: Motorized> Port<S> {
         hand.run_until(BOOT_US);
         hand.take_tx();
         let baud = hand.io().baud();
-        Self { hand, line: Serial::new(true), heard: Vec::new(), baud }
+        Self { hand, line: Serial::new(true), heard: Vec::new(), baud, zeros: vec![0.0; 7] }
+    }
+
+    fn counts(&self) -> Vec<f64> {
+        self.hand.bus().stations().map(|station| station.rig().truth().counts).collect()
+    }
+
+    /// Takes the present places for the zeros of [`Self::gcl`]: HI presses the stops, whose gears give way by a count or two, so that the
+    /// zeros are that far from the drawing's.
+    pub fn mark_zeros(&mut self) {
+        self.zeros = self.counts();
+    }
+
+    /// Where a motor, 1 to 7, truly is, GCL counts from the marked zero.
+    pub fn gcl(&self, motor: usize) -> f64 {
+        55.0 * (self.counts()[motor - 1] - self.zeros[motor - 1])
     }
 
     pub fn write(&mut self, bytes: &[u8]) {

@@ -163,7 +163,8 @@ fn read_only_or_locked_property_is_refused_in_range() {
 #[test]
 fn set_changes_only_its_property_and_dependents() {
     for (number, mut bench) in nodes() {
-        for row in ROWS.iter().filter(|row| holds(row)) {
+        // In other units every value reads differently.
+        for row in ROWS.iter().filter(|row| holds(row) && row.property != Property::HOSTUNITS) {
             let before = all(&mut bench);
             let [min, max] = range(row, number);
             let value = if bench.get(row.property) == Some(max) { min } else { max };

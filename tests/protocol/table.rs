@@ -9,7 +9,8 @@ const LIST: &str = "../../shared/data/properties.csv";
 
 /// What the list lacks: in mode 4 V is the velocity commanded, and RealTime feeds back the one that there is (manual 5.3.3).
 /// The motor's model is decision 0064's.
-const ADDED: [Property; 11] = [
+const ADDED: [Property; 12] = [
+    Property::HOSTUNITS,
     Property::FIND,
     Property::VEL,
     Property::WIRING,

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use tater_wire::property::{Access, Default, PropertySpec, Stored, barrett};
+use tater_wire::property::{Access, Default, PropertySpec, Stored, barrett, host_units};
 use tater_wire::{command, end, fault, mode, property};
 
 use crate::program::root;
@@ -68,12 +68,14 @@ fn page() -> String {
         &["Id", "Barrett's name", "Meaning"],
         barrett::ABSENT.iter().map(|row| [row.id.to_string(), row.name.into(), row.meaning.into()]),
     );
-    page += "\nThe same numbers with other units:\n\n";
+    page += "\nThe same names with other units. With HOSTUNITS 280 a board's values on the bus are in theirs (decision 0070); a finger's joint \
+             turns once\nin 125 revolutions of that hand's motor, the spread in 17.5. It has no motor for the tips, which count as its fingers \
+             do.\n\n";
     page += &rows(
-        &["Name", "Unit here", "Unit in Barrett's boards"],
-        barrett::UNITS.iter().map(|(property, theirs)| {
-            let row = property.row();
-            [row.name.into(), row.unit.into(), (*theirs).into()]
+        &["Name", "Unit here", "Unit in a BH8-280", "Source"],
+        host_units::ROWS.iter().map(|unit| {
+            let row = unit.property.row();
+            [row.name.into(), row.unit.into(), unit.theirs.into(), unit.source.into()]
         }),
     );
     page += "\n## Commands\n\nValues of CMD.\n\n";

@@ -14,6 +14,7 @@ mod pace;
 mod pty;
 mod tcp;
 mod telnet;
+mod truth;
 
 pub use args::BusArgs;
 pub use bus::bus;

@@ -18,7 +18,7 @@ use crate::world::board::SimBoard;
 use crate::world::bus::Station;
 use crate::world::rig::{Rig, Truth};
 use factory::provisioned;
-pub use factory::{STANDARD_WIRING, placeholder_application, shipped_storage};
+pub use factory::{STANDARD_WIRING, placeholder_application, shipped_storage, store};
 
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
 

@@ -25,7 +25,7 @@ const VERSION: u16 = 1;
 const HEAD: usize = 4;
 pub const TAIL: usize = 2;
 
-/// Maximum number of stored properties: 51 now, and room for those of other versions.
+/// Maximum number of stored properties: 52 now, and room for those of other versions.
 pub const STORED: usize = 54;
 
 /// Maximum entries of a record: the stored properties, three counters, the unit of OD and the hot mark.

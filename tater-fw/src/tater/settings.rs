@@ -32,6 +32,7 @@ pub struct Settings {
     pub wiring: u8,
     pub hostms: u16,
     kind: u8,
+    pub hostunits: u16,
 }
 
 bind! { settings for Settings:
@@ -61,6 +62,7 @@ bind! { settings for Settings:
     WIRING = wiring,
     HOSTMS = hostms,
     KIND = kind,
+    HOSTUNITS = hostunits,
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 mod board;
 mod commands;
 mod faults;
+mod host_units;
 mod keeping;
 mod modes;
 mod reports;

@@ -1,8 +1,6 @@
-//! Barrett's table of motor properties, where it differs from this project's: names that hosts list, and units.
+//! Barrett's table of motor properties, where it differs from this project's: names that hosts list. Units: [`super::host_units`].
 //!
 //! As in libbarrett and pyHand, whose newest tables for motors end at 108.
-
-use super::Property;
 
 /// Numbers below this are Barrett's. A GET of each is answered, because some hosts wait for an answer without a time limit.
 pub const BARRETTS: u8 = 109;
@@ -56,36 +54,10 @@ pub const ABSENT: &[Absent] = absent! {
     "TACTID" = 107, "number of the tactile array; there is none";
 };
 
-/// Properties whose unit is another in Barrett's boards: the property, and the unit there.
-pub const UNITS: &[(Property, &str)] = &[
-    (Property::TEMP, "C"),
-    (Property::PTEMP, "C"),
-    (Property::OTEMP, "C; 60 there is 600 here, and the board refuses -550 to 199"),
-    (Property::THERM, "C"),
-    (Property::VBUS, "V"),
-    (Property::IMOTOR, "ADC counts"),
-    (Property::T, "motor current, ADC counts"),
-    (Property::MT, "motor current, ADC counts"),
-    (Property::V, "encoder counts/ms; libbarrett's V 100 is 100 counts/ms there and 100 counts/s here"),
-    (Property::MV, "encoder counts/ms"),
-    (Property::MCV, "encoder counts/ms"),
-    (Property::MOV, "encoder counts/ms"),
-    (Property::P, "encoder counts, 4096 a motor revolution (18 here)"),
-    (Property::DP, "encoder counts"),
-    (Property::E, "encoder counts"),
-    (Property::OT, "encoder counts"),
-    (Property::CT, "encoder counts"),
-    (Property::M, "encoder counts"),
-    (Property::DS, "encoder counts"),
-    (Property::IVEL, "encoder counts/ms"),
-    (Property::IOFF, "encoder counts"),
-    (Property::MPE, "encoder counts"),
-    (Property::ACCEL, "encoder counts/ms/s"),
-];
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Property;
     use std::vec::Vec;
 
     #[test]

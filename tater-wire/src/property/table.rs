@@ -222,7 +222,11 @@ impl Rules {
     /// Whether a value is in range.
     #[must_use]
     pub const fn admits(&self, value: i64) -> bool {
-        let is_gap = matches!(self.property, Property::OTEMP) && OTEMP_GAP.0 <= value && value <= OTEMP_GAP.1;
+        let is_gap = match self.property {
+            Property::OTEMP => OTEMP_GAP.0 <= value && value <= OTEMP_GAP.1,
+            Property::HOSTUNITS => 0 < value && value < self.max(),
+            _ => false,
+        };
         self.min() <= value && value <= self.max() && !is_gap
     }
 
@@ -558,6 +562,8 @@ table! {
         "motor model: friction at rest; at least MFC counts";
     MTE = 126, 16, ReadWrite, Yes, "us", 0..=1000, Same(333),
         "motor model: electrical time constant";
+    HOSTUNITS = 127, 16, ReadWrite, Yes, "-", 0..=280, Same(0),
+        "units of values on the bus: 0 those of this table; 280 those of a BH8-280, for its hosts (decision 0070); nothing between";
 }
 
 impl Property {

@@ -7,6 +7,13 @@ use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::Property;
 
+/// Properties that random lines and frames name. HOSTUNITS is none of them: GOD is a host of this project's units, and every value would
+/// mean something else.
+pub const PROPERTIES: &[Property] = match Property::ALL {
+    [rest @ .., Property::HOSTUNITS] => rest,
+    all => all,
+};
+
 /// One of several.
 ///
 /// # Panics
@@ -31,7 +38,7 @@ fn name(rng: &mut Pcg64Mcg) -> &'static str {
     match rng.random_range(0..4) {
         0 | 1 => one(rng, MOTOR).name,
         2 => one(rng, HAND).name,
-        _ => one(rng, Property::ALL).row().name,
+        _ => one(rng, PROPERTIES).row().name,
     }
 }
 
@@ -75,7 +82,7 @@ fn many(rng: &mut Pcg64Mcg, one: fn(&mut Pcg64Mcg) -> String) -> String {
 fn board_line(rng: &mut Pcg64Mcg) -> String {
     let nodes: String =
         (0..=7).filter(|_| rng.random_ratio(1, 4)).map(|node| char::from(b'0' + node)).collect();
-    let property = *one(rng, Property::ALL);
+    let property = *one(rng, PROPERTIES);
     let row = property.row();
     match rng.random_range(0..12) {
         0 => one(rng, &["WAKE", "SAVE", "0 S REPLY 1", "0 G REPLY"]).to_string(),

@@ -183,8 +183,10 @@ fn realtime(rng: &mut Pcg64Mcg) -> Act {
     Act::Loop { prefix: lines::prefix(rng), blocks }
 }
 
-/// Properties that raw frames leave alone: they say what the host states of the motor, which the board must believe, or who it is.
-const STATED: [Property; 8] = [
+/// Properties that raw frames leave alone: they say what the host states of the motor, which the board must believe, who it is, or in
+/// which units the frames are.
+const STATED: [Property; 9] = [
+    Property::HOSTUNITS,
     Property::WIRING,
     Property::FIND,
     Property::LOCK,
@@ -228,7 +230,7 @@ pub fn frame(rng: &mut Pcg64Mcg) -> Frame {
                 ],
             )
         } else {
-            *one(rng, Property::ALL)
+            *one(rng, lines::PROPERTIES)
         };
         if STATED.contains(&property) {
             continue;

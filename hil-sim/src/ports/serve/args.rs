@@ -2,8 +2,9 @@
 
 use crate::experiment::input::BadInput;
 use crate::world::board::SimBoard;
-use crate::world::node::Node;
-use tater_wire::{MotorKind, Node as Id};
+use crate::world::node::{Node, store};
+use tater_fw::Board;
+use tater_wire::{MotorKind, Node as Id, Property};
 
 use super::event::bad;
 use crate::ports::figures::Figures;
@@ -28,6 +29,13 @@ pub struct BusArgs {
     /// Connect to a CAN interface of Linux, such as vcan0.
     #[arg(long, value_name = "IFACE")]
     can: Option<String>,
+    /// Answer each line of a TCP client with a line of JSON: true position, velocity, torque and contact of each motor. Prints `truth
+    /// HOST:PORT`.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub truth: Option<String>,
+    /// Units of values on the bus: 0 this project's, 280 those of a BH8-280. Stored on every board, as SET and SAVE of HOSTUNITS do.
+    #[arg(long, value_name = "0|280", default_value_t = 0)]
+    host_units: i64,
     /// Seed of the sensor noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -77,10 +85,20 @@ impl BusArgs {
         }
         ids.sort_unstable();
         ids.dedup();
+        if !Property::HOSTUNITS.rules().admits(self.host_units) {
+            return Err(bad(
+                format!("--host-units {}", self.host_units),
+                &self.host_units.to_string(),
+                "0, this project's units, or 280, a BH8-280's",
+                "omit the option for 0",
+            ));
+        }
         let board = |id: u8| {
             let id = Id::new(id).unwrap_or(Id::HOST);
             let seed = self.seed ^ u64::from(id.number());
-            Ok(Node::new(SimBoard::new(self.figures.motor(MotorKind::of(id), 0.0, seed)?, id)))
+            let mut board = SimBoard::new(self.figures.motor(MotorKind::of(id), 0.0, seed)?, id);
+            store(board.flash(), Property::HOSTUNITS, self.host_units);
+            Ok(Node::new(board))
         };
         ids.into_iter().map(board).collect()
     }

@@ -10,6 +10,7 @@ use super::can::CanPort;
 use super::event::{Clock, EVENTS, Event, NewClient, Protocol, SLICE_US, WAIT};
 use super::pace::Pace;
 use super::tcp::{self, Client};
+use super::truth;
 use crate::ports::output::{print, warn};
 use crate::ports::slcan::Slcan;
 use crate::world::bus::{Adapter, Bus, Station};
@@ -43,11 +44,16 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
             Host::Can(port)
         }
     };
+    if let Some(address) = &args.truth {
+        print(&format!("truth {}\n", tcp::listen("--truth", address, Protocol::Truth, sender.clone())?))?;
+    }
     Server {
         bus,
         events,
         sender,
         host,
+        truth: truth::line,
+        askers: truth::Clients::default(),
         waiting: None,
         leaves_us: None,
         unparsed: Vec::new(),
@@ -65,6 +71,9 @@ enum Host {
 
 struct Server<S> {
     bus: Bus<S>,
+    /// A line about the plants, and who asks for it.
+    truth: fn(&Bus<S>) -> String,
+    askers: truth::Clients,
     events: Receiver<Event>,
     sender: SyncSender<Event>,
     host: Host,
@@ -89,6 +98,8 @@ impl<S: Station> Server<S> {
             self.bus.run_until(slice_us);
             self.send_frames();
             self.feed();
+            let (bus, truth) = (&self.bus, self.truth);
+            self.askers.serve(|| truth(bus));
             self.let_go();
             self.refuse_waiting();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
@@ -107,7 +118,14 @@ impl<S: Station> Server<S> {
     }
 
     fn handle(&mut self, event: Event) -> Result<(), Box<dyn Error>> {
+        if self.askers.handle(&event) {
+            return Ok(());
+        }
         match event {
+            Event::Client(client) if client.protocol == Protocol::Truth => {
+                self.clients += 1;
+                self.askers.connected(client, self.clients, self.sender.clone());
+            }
             Event::Client(client) => self.connected(client),
             Event::Bytes(number, bytes) if self.is_client(number) => {
                 self.unparsed.extend(bytes);

@@ -35,6 +35,7 @@ pub enum Event {
 pub enum Protocol {
     Gcl,
     Slcan,
+    Truth,
 }
 
 pub struct NewClient {

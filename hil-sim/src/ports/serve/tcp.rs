@@ -90,6 +90,7 @@ pub fn refuse(mut client: NewClient, why: &str) {
     let text = match client.protocol {
         Protocol::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
         Protocol::Slcan => format!("error: {why}\r\x07"),
+        Protocol::Truth => format!("{{\"error\":\"{why}\"}}\n"),
     };
     // A new connection has room for it.
     let _ = client.stream.set_nonblocking(true);

@@ -2,9 +2,9 @@
 
 use tater_fw::Board;
 use tater_fw::storage::{Progress, Store};
-use tater_wire::Property;
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, FLASH, RAM, STORAGE};
+use tater_wire::{MotorKind, Property};
 
 use crate::world::board::SimBoard;
 use crate::world::rig::flash::SimFlash;
@@ -50,6 +50,21 @@ fn prepare(flash: &mut SimFlash, shipped: bool) {
     if shipped && store.get(Property::WIRING).is_none() {
         store.set(Property::WIRING, STANDARD_WIRING);
     }
+    finish(store, flash);
+}
+
+/// Stores a value in a board's flash, as its SET and SAVE do. A value that is stored already, or the default of none, changes nothing.
+pub fn store(flash: &mut SimFlash, property: Property, value: i64) {
+    let mut store = Store::open(flash);
+    if store.get(property).or(property.rules().default_for_motor(MotorKind::Link).map(i64::from))
+        != Some(value)
+    {
+        store.set(property, value);
+        finish(store, flash);
+    }
+}
+
+fn finish(mut store: Store, flash: &mut SimFlash) {
     for _ in 0..MAX_OPERATIONS {
         if store.step(flash, true) == Progress::Done {
             break;

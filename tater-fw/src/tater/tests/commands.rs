@@ -223,8 +223,7 @@ fn meaningless_frames_change_nothing() {
     let own = bench.own();
     let bodies = [
         Body::Get(109 + 4),
-        Body::Set { property: 127, value: Value::Short(1) },
-        Body::Get(127),
+        Body::Set { property: 109 + 4, value: Value::Short(1) },
         Body::Set { property: 6, value: Value::Long(0x2000_0000) },
         Body::Set { property: 12, value: Value::Short(1) },
     ];
