@@ -174,7 +174,7 @@ fn from_host(host: &TcpStream, mut bus: &TcpStream, dialect: Dialect, shared: &S
                 since_open += 1;
                 let number = shared.sent.fetch_add(1, Ordering::SeqCst) + 1;
                 let is_on_bus = match dialect {
-                    Dialect::Refuses(nth) | Dialect::RefusesAlone(nth) => number % nth != 0,
+                    Dialect::Refuses(nth) | Dialect::RefusesAlone(nth) => !number.is_multiple_of(nth),
                     Dialect::BusOff(most) | Dialect::SilentBusOff(most) => since_open <= most,
                     _ => true,
                 };
