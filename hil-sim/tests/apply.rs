@@ -10,7 +10,7 @@ use std::thread::{JoinHandle, spawn};
 
 use serde_json::Value;
 
-use served::{Served, serve};
+use served::{Served, damaging, serve};
 
 /// A folder with the result of a tune.
 fn folder(name: &str, motors: &[(&str, &str)]) -> PathBuf {
@@ -252,4 +252,20 @@ fn board_that_drives_its_motor_is_left_alone() {
     send(&served, "t004488000000");
     let (code, done, errors) = apply(&folder, &to);
     assert_eq!((code, change(&done, 0, "KP")), (Some(0), (120, 150)), "{errors}");
+}
+
+/// KP 120 with a stray digit is −32729, which `apply` once kept as an old value, and its undo then refused.
+#[test]
+fn damaged_answers_are_neither_kept_nor_written() {
+    let folder = folder("apply-damage", &LINK);
+    let served = serve("1");
+    let to = format!("tuned.json --slcan {} --node 1", damaging(&served.address));
+    let undo_file = folder.join("tuned.json.undo.json");
+    let (code, done, errors) = apply(&folder, &to);
+    assert_eq!((code, change(&done, 0, "KP")), (Some(0), (120, 150)), "{errors}");
+    let kept = std::fs::read_to_string(&undo_file).expect("written");
+    assert!(kept.contains("\"KP\": 120"), "{kept}");
+    let (code, undone, errors) = apply(&folder, "--undo");
+    assert_eq!((code, change(&undone, 0, "KP")), (Some(0), (150, 120)), "{errors}");
+    assert!(!undo_file.exists());
 }

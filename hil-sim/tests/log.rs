@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use served::serve;
+use served::{damaging, serve};
 
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -94,4 +94,80 @@ fn keeps_its_file(signal: &str) {
     let csv = std::fs::read_to_string(folder.join("log.csv")).expect("kept");
     let rows = csv.lines().filter(|line| !line.starts_with('#')).count() - 1;
     assert_eq!(last, format!("log.csv: {rows} rows of node 4"));
+}
+
+/// Rows of a file that is being written: lines after the header, the last of which may be a part.
+fn rows(csv: &Path) -> usize {
+    let text = std::fs::read_to_string(csv).unwrap_or_default();
+    text.lines().filter(|line| !line.starts_with('#')).count().saturating_sub(1)
+}
+
+#[cfg(unix)]
+#[test]
+fn killed_log_keeps_whole_rows() {
+    let folder = folder("log-killed");
+    let served = serve("4");
+    for name in ["log.csv", "log.mcap"] {
+        let file = folder.join(name);
+        let mut process = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+            .args(["log", "--slcan", &served.address, "--node", "4", "--out", name])
+            .current_dir(&folder)
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        // It grows twice after its heading: the rows of two seconds.
+        let size = || std::fs::metadata(&file).map_or(0, |data| data.len());
+        let mut seen = 0;
+        for _ in 0..3 {
+            while size() == seen {
+                assert_eq!(process.try_wait().expect("ours"), None, "it goes on");
+                std::thread::yield_now();
+            }
+            seen = size();
+        }
+        process.kill().expect("ours");
+        process.wait().expect("ours");
+        let (code, errors) = hil_sim(&folder, &["convert", name, "read.csv"]);
+        assert_eq!(code, Some(0), "{name}: {errors}");
+        assert!(rows(&folder.join("read.csv")) > 10, "{name}");
+    }
+}
+
+#[test]
+fn rows_with_damaged_answers_are_marked_and_counted() {
+    let folder = folder("log-damaged");
+    let served = serve("4");
+    let address = damaging(&served.address);
+    let args = ["log", "--slcan", &address, "--node", "4", "--seconds", "1.5", "--out", "log.csv"];
+    let (code, errors) = hil_sim(&folder, &args);
+    assert_eq!(code, Some(0), "{errors}");
+    let csv = std::fs::read_to_string(folder.join("log.csv")).expect("text");
+    assert!(csv.lines().any(|line| line == "# KP=120"), "no damaged fact: {csv}");
+    let mut lines = csv.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    assert_eq!(names.last(), Some(&"untrusted"));
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let marked = rows.iter().filter(|row| row.last() != Some(&"0")).count();
+    assert!(marked > 0, "each third row has one: {csv}");
+    for row in &rows {
+        let absent = row.iter().filter(|cell| cell.is_empty()).count();
+        assert!(absent == 0 || row.last() != Some(&"0"), "{row:?}");
+    }
+    assert!(
+        errors.contains(&format!("warning: {marked} of {} rows could not be trusted", rows.len())),
+        "{errors}"
+    );
+}
+
+#[test]
+fn parquet_says_that_a_kill_loses_it() {
+    let folder = folder("log-parquet");
+    let served = serve("4");
+    let args = ["log", "--slcan", &served.address, "--node", "4", "--seconds", "0.2", "--out", "log.parquet"];
+    let (code, errors) = hil_sim(&folder, &args);
+    assert_eq!(code, Some(0), "{errors}");
+    assert!(
+        errors.contains("a kill loses log.parquet") && errors.contains("record .csv or .mcap"),
+        "{errors}"
+    );
 }

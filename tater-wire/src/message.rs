@@ -225,6 +225,35 @@ impl Message {
         Self { from, to, body: Body::Set { property, value } }
     }
 
+    /// The board, the property and its value, if this is a board's answer to a GET of the host; [`None`] as the value where the property's
+    /// row has another range or another width: the frame was damaged on the way.
+    #[must_use]
+    pub fn answered(&self) -> Option<(Node, Property, Option<i64>)> {
+        match self.body {
+            // 22 bits, beyond what can be set.
+            Body::Position(counts) if self.to == Destination::Group(Group::POSITIONS) => {
+                Some((self.from, Property::P, Some(i64::from(counts))))
+            }
+            Body::Set { property, value: sent } if self.to == Destination::Group(Group::REPLIES) => {
+                let property = Property::of(property)?;
+                let (rules, value) = (property.rules(), property.read(sent));
+                let is_admitted = match property {
+                    // Of any firmware.
+                    Property::VERS => true,
+                    // A board has none of its own until it is set.
+                    Property::ID => value == 0 || rules.admits(value),
+                    // Positions have a frame of their own.
+                    Property::P => false,
+                    _ => rules.admits(value),
+                };
+                // A board sends what its row's `write` makes.
+                let is_whole = is_admitted && rules.write(value) == Some(sent);
+                Some((self.from, property, is_whole.then_some(value)))
+            }
+            _ => None,
+        }
+    }
+
     /// A board's answer to the host: positions to group 3, everything else to group 6. `None` if the value
     /// does not fit 32 bits.
     #[must_use]

@@ -144,7 +144,7 @@ fn unknown_motor_gets_gains_of_its_own_and_its_old_ones_back() {
     wait(&mut bus, 200);
 
     let back = |change: &Change| Change { old: change.new, new: change.old, ..*change };
-    let undo = Board { present, changes: board.changes.iter().map(back).collect() };
+    let undo = Board { changes: board.changes.iter().map(back).collect(), ..board.clone() };
     write(&mut bus, &[undo], &mut |_| {}).expect("the image takes them");
     let again = compare(&mut bus, present, &values).expect("it answers");
     assert_eq!(again, board, "exactly the old values");

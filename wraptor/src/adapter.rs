@@ -9,9 +9,18 @@ use crate::error::{Cause, Failure};
 use crate::port::{Port, Waker};
 use crate::slcan::Slcan;
 
+/// What an adapter has not carried at the first attempt, since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Times that it refused a frame; each was sent again.
+    pub refusals: u64,
+    /// Received lines that should have been frames and were none.
+    pub damaged: u64,
+}
+
 /// An open adapter.
 pub(crate) enum Adapter {
-    Slcan(Slcan),
+    Slcan(Box<Slcan>),
     #[cfg(target_os = "linux")]
     Can(Port),
 }
@@ -22,7 +31,13 @@ impl Adapter {
     /// # Errors
     /// The cause.
     pub fn slcan(address: &str, deadline: &Deadline) -> Result<Self, Cause> {
-        Slcan::open(Port::tcp(address, deadline)?, deadline).map(Self::Slcan)
+        let port = Port::tcp(address, deadline).map_err(|cause| match cause {
+            Cause::NothingListens | Cause::NoAnswer(_) | Cause::Unreachable(_) => {
+                Cause::NoAdapter(cause.to_string())
+            }
+            cause => cause,
+        })?;
+        Slcan::open(port, deadline).map(Box::new).map(Self::Slcan)
     }
 
     /// The same on a serial port, such as `/dev/ttyACM0`.
@@ -31,7 +46,7 @@ impl Adapter {
     /// The same.
     #[cfg(unix)]
     pub fn slcan_serial(path: &str, baud: u32, deadline: &Deadline) -> Result<Self, Cause> {
-        Slcan::open(Port::tty(path, baud)?, deadline).map(Self::Slcan)
+        Slcan::open(Port::tty(path, baud)?, deadline).map(Box::new).map(Self::Slcan)
     }
 
     /// Opens a CAN interface of Linux, such as `can0`, which is up at 1 Mbit/s.
@@ -93,6 +108,36 @@ impl Adapter {
             Self::Slcan(slcan) => std::mem::replace(&mut slcan.has_refused, to),
             #[cfg(target_os = "linux")]
             Self::Can(_) => false,
+        }
+    }
+
+    /// Whether frames of a download follow, so that an SLCAN adapter need not acknowledge one before the next is sent.
+    pub const fn stream(&mut self, is_streaming: bool) {
+        match self {
+            Self::Slcan(slcan) => slcan.is_streaming = is_streaming,
+            #[cfg(target_os = "linux")]
+            Self::Can(_) => {}
+        }
+    }
+
+    /// Closes and opens an SLCAN adapter that may have left the bus.
+    ///
+    /// # Errors
+    /// The adapter is gone.
+    pub fn reopen(&mut self, deadline: &Deadline) -> Result<(), Failure> {
+        match self {
+            Self::Slcan(slcan) => slcan.reopen(deadline).map_err(|error| Failure::Lost(error.to_string())),
+            #[cfg(target_os = "linux")]
+            Self::Can(_) => Ok(()),
+        }
+    }
+
+    /// Frames refused, and lines that should have been frames, since the adapter was opened.
+    pub const fn health(&self) -> Health {
+        match self {
+            Self::Slcan(slcan) => Health { refusals: slcan.refusals, damaged: slcan.damaged },
+            #[cfg(target_os = "linux")]
+            Self::Can(_) => Health { refusals: 0, damaged: 0 },
         }
     }
 }

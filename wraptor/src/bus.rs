@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use tater_wire::download::DownloadError;
 use tater_wire::property::Access;
-use tater_wire::{Body, Cmd, Destination, FaultCode, Frame, Group, Message, ModeCode, Node, Property};
+use tater_wire::{Cmd, Destination, FaultCode, Frame, Group, Message, ModeCode, Node, Property};
 
-use crate::adapter::Adapter;
+use crate::adapter::{Adapter, Health};
 use crate::deadline::Deadline;
 use crate::download::{self, Link, OnDownload};
 use crate::error::{CallError, Cause, ConnectError, Failure};
@@ -21,6 +21,12 @@ const REPEAT: Duration = Duration::from_millis(60);
 
 /// A board that has not answered for so long is silent: some repetitions.
 const LATE: Duration = Duration::from_millis(200);
+
+/// After so long without an answer the adapter is closed and opened once: several repetitions, so that boards that are busy with their flash are no reason.
+const SILENT: Duration = Duration::from_millis(300);
+
+/// Times that a value is set until it reads back.
+const SETS: u32 = 3;
 
 /// Time between two readings during a motion, also the keep-alive of its board.
 const POLL: Duration = Duration::from_millis(20);
@@ -144,23 +150,55 @@ impl Bus {
         }
         let get = Message::get(Destination::Node(node), property).frame();
         self.set_refused(false);
+        let (mut damaged, mut is_reopened) = (None, false);
         loop {
             self.try_send(&get, deadline)?;
             let repeat = deadline.within(REPEAT);
             while let Some(frame) = self.try_receive(&repeat)? {
-                if let Some(value) = reply(&frame, node, property) {
-                    return Ok(value);
+                match reply(&frame, node, property) {
+                    Some(Some(value)) => return Ok(value),
+                    Some(None) => damaged = Some(frame),
+                    None => {}
                 }
             }
             if on_wait().is_break() {
                 return Err(Failure::Cancelled);
             }
             if deadline.is_over() {
-                return Err(match self.set_refused(false) {
-                    true => Failure::Refused,
-                    false => Failure::Silent(vec![node]),
+                return Err(match (self.set_refused(false), damaged) {
+                    (true, _) => Failure::Refused,
+                    // Each time, so it is no damage on the way.
+                    (false, Some(frame)) => Failure::Unexpected(format!("{frame:?}")),
+                    (false, None) => Failure::Silent(vec![node]),
                 });
             }
+            // An adapter that has left the bus may say nothing of it.
+            if deadline.elapsed() > SILENT && damaged.is_none() && !std::mem::replace(&mut is_reopened, true)
+            {
+                self.reopen(deadline)?;
+            }
+        }
+    }
+
+    const fn stream(&mut self, is_streaming: bool) {
+        if let Line::Adapter(adapter) = &mut self.line {
+            adapter.stream(is_streaming);
+        }
+    }
+
+    fn reopen(&mut self, deadline: &Deadline) -> Result<(), Failure> {
+        match &mut self.line {
+            Line::Adapter(adapter) => adapter.reopen(deadline),
+            Line::Hand(_) => Ok(()),
+        }
+    }
+
+    /// What the adapter has not carried at the first attempt. Through a hand and on a CAN interface it is nothing.
+    #[must_use]
+    pub const fn health(&self) -> Health {
+        match &self.line {
+            Line::Adapter(adapter) => adapter.health(),
+            Line::Hand(_) => Health { refusals: 0, damaged: 0 },
         }
     }
 
@@ -199,15 +237,20 @@ impl Bus {
         settable(property, value)?;
         let set = Message::set(Destination::Node(node), property, value);
         let set = set.ok_or_else(|| Failure::Invalid("a value of 32 bits".to_owned()))?.frame();
-        self.try_send(&set, deadline)?;
         let changes = [Property::STAT, Property::MODE, Property::P, Property::V, Property::T];
-        if property.rules().access == Access::WriteOnly || changes.contains(&property) {
-            return Ok(());
+        let mut found = value;
+        // A frame may be lost or damaged on its way.
+        for _ in 0..SETS {
+            self.try_send(&set, deadline)?;
+            if property.rules().access == Access::WriteOnly || changes.contains(&property) {
+                return Ok(());
+            }
+            found = self.try_get(node, property, deadline)?;
+            if found == value {
+                return Ok(());
+            }
         }
-        match self.try_get(node, property, deadline)? {
-            found if found == value => Ok(()),
-            found => Err(Failure::NotTaken { node, found }),
-        }
+        Err(Failure::NotTaken { node, found })
     }
 
     /// The state of a board. One that does not answer within the limit is silent.
@@ -365,7 +408,9 @@ impl Bus {
     ) -> Result<(), CallError> {
         self.set_refused(false);
         let deadline = Deadline::after(limit);
+        self.stream(true);
         let outcome = download::download(self, node, firmware, &deadline, progress);
+        self.stream(false);
         let failure = match outcome {
             Ok(()) => return Ok(()),
             // No board has answered, and the adapter has sent nothing.
@@ -410,18 +455,10 @@ impl Link for Bus {
     }
 }
 
-/// The value of a property in a board's reply.
-fn reply(frame: &Frame, node: Node, property: Property) -> Option<i64> {
-    let message = Message::parse(frame).filter(|message| message.from == node)?;
-    match (message.to, message.body) {
-        (Destination::Group(Group::POSITIONS), Body::Position(counts)) if property == Property::P => {
-            Some(counts.into())
-        }
-        (Destination::Group(Group::REPLIES), Body::Set { property: of, value }) if of == property.id() => {
-            Some(property.read(value))
-        }
-        _ => None,
-    }
+/// The value of a property in a board's reply; without one if the reply is damaged.
+fn reply(frame: &Frame, node: Node, property: Property) -> Option<Option<i64>> {
+    let (from, of, value) = Message::parse(frame)?.answered()?;
+    ((from, of) == (node, property)).then_some(value)
 }
 
 #[cfg(test)]
@@ -432,11 +469,13 @@ mod tests {
     fn reply_is_of_its_node_and_property() {
         let node = |number| Node::new(number).expect("a node");
         let stat = Message::reply(node(4), Property::STAT, 2).expect("it fits").frame();
-        assert_eq!(reply(&stat, node(4), Property::STAT), Some(2));
+        assert_eq!(reply(&stat, node(4), Property::STAT), Some(Some(2)));
         assert_eq!(reply(&stat, node(3), Property::STAT), None);
         assert_eq!(reply(&stat, node(4), Property::MODE), None);
         let place = Message::reply(node(4), Property::P, -5).expect("it fits").frame();
-        assert_eq!(reply(&place, node(4), Property::P), Some(-5));
+        assert_eq!(reply(&place, node(4), Property::P), Some(Some(-5)));
+        let beyond = Frame::from_raw(0x486, &[0xCF, 0, 0x27, 0x80]).expect("a classic frame");
+        assert_eq!(reply(&beyond, node(4), Property::KP), Some(None), "-32729");
         // A host's own SET is no answer.
         let set = Message::set(Destination::Node(node(4)), Property::STAT, 2).expect("it fits").frame();
         assert_eq!(reply(&set, node(4), Property::STAT), None);

@@ -42,10 +42,18 @@ pub enum Cause {
     Silent(Duration),
     /// The other side closes the connection, or it breaks, before the hand has answered. Holds how.
     HungUp(String),
-    /// What answers is no hand, or no SLCAN adapter. Holds the beginning of what it sent.
+    /// What answers is no hand. Holds the beginning of what it sent.
     NotAHand(String),
     /// A device server that speaks Telnet is between, which doubles 0xFF in packets and RealTime.
     Telnet,
+    /// No SLCAN adapter can be reached at this address. Holds why.
+    NoAdapter(String),
+    /// The connection opens, and for the whole deadline neither an SLCAN adapter nor a board behind it answers.
+    SilentAdapter(Duration),
+    /// The adapter's connection ends before the adapter has opened. Holds how.
+    AdapterGone(String),
+    /// What answers is no SLCAN adapter. Holds the beginning of what it sent.
+    NotAnAdapter(String),
     /// The hand's firmware is another. Holds what VERS printed.
     WrongFirmware {
         /// What VERS printed.
@@ -85,8 +93,17 @@ impl Cause {
                 "check the port and the baud rate; if a hand is there, switch its power off and on"
             }
             Self::HungUp(_) => "check that this is the hand's port, and connect again",
-            Self::NotAHand(_) => "check the address, the port and the baud rate: something else answers",
             Self::Telnet => "set the device server's port to raw TCP, without Telnet (RFC 2217)",
+            Self::NotAHand(_) | Self::NotAnAdapter(_) => {
+                "check the address, the port and the baud rate: something else answers"
+            }
+            Self::NoAdapter(_) => {
+                "check the address, and that the adapter or its server runs (`hil-sim bus --slcan`)"
+            }
+            Self::SilentAdapter(_) => {
+                "check the port, the baud rate and the adapter's power; an adapter that answers no command needs a board that answers on its bus"
+            }
+            Self::AdapterGone(_) => "check that this is the adapter's port, and its cable, and connect again",
             Self::WrongFirmware { .. } => {
                 "download this project's firmware, or use the library of that version"
             }
@@ -121,6 +138,12 @@ impl fmt::Display for Cause {
             Self::HungUp(why) => write!(f, "the connection ended: {why}"),
             Self::NotAHand(received) => write!(f, "no hand answers: received {received:?}"),
             Self::Telnet => write!(f, "a device server answers that negotiates Telnet options"),
+            Self::NoAdapter(why) => write!(f, "no adapter can be reached: {why}"),
+            Self::SilentAdapter(limit) => {
+                write!(f, "connected, but no adapter has answered within {:?}", whole_ms(*limit))
+            }
+            Self::AdapterGone(why) => write!(f, "the connection to the adapter ended: {why}"),
+            Self::NotAnAdapter(received) => write!(f, "no adapter answers: received {received:?}"),
             Self::WrongFirmware { found, expected } => {
                 write!(f, "firmware {found:?}, expected {expected} or later")
             }

@@ -11,6 +11,7 @@
 //! | [`firmware`] | a `.tek` file, checked |
 //! | [`download`] | how far a download has come |
 //! | [`turns`] | one connection for several threads |
+//! | [`slcan::line`] | lines of SLCAN, for both sides of an adapter |
 //! | `error` | [`ConnectError`], [`CallError`] |
 //! | `session`, `interpreter`, `adapter`, `slcan`, `port`, `deadline` | lines, GOD in this program, adapters, connections, time; from the top down |
 //!
@@ -39,9 +40,10 @@ pub mod hand;
 mod interpreter;
 mod port;
 mod session;
-mod slcan;
+pub mod slcan;
 pub mod turns;
 
+pub use adapter::Health;
 pub use bus::Bus;
 pub use deadline::Deadline;
 pub use discovery::{Found, discover};

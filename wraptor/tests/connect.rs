@@ -191,7 +191,7 @@ fn adapter_that_is_silent_or_in_use_is_named() {
     let peer = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = peer.local_addr().expect("its address").to_string();
     let error = Bus::slcan(&address, SHORT).map(|_| ()).expect_err("it is silent");
-    assert_eq!(error.cause, Cause::Silent(SHORT));
+    assert_eq!(error.cause, Cause::SilentAdapter(SHORT));
     let served = Served::new(&["bus", "--node", "4", "--slcan", "127.0.0.1:0"], 1);
     let first = Bus::slcan(served.place("slcan"), HANGS).expect("connected");
     let error = Bus::slcan(served.place("slcan"), HANGS).map(|_| ()).expect_err("it has a host");
@@ -232,7 +232,7 @@ fn echo_is_no_adapter() {
         std::io::copy(&mut &stream, &mut &stream)
     });
     let error = Bus::slcan(&address, HANGS).map(|_| ()).expect_err("it is none");
-    assert!(matches!(error.cause, Cause::NotAHand(_)), "{error}");
+    assert!(matches!(error.cause, Cause::NotAnAdapter(_)), "{error}");
 }
 
 /// An adapter without 1 Mbit/s, as CAN232 answers: BEL.

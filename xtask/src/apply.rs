@@ -1,8 +1,11 @@
 //! `cargo xtask apply`: writes tuned values to boards, with `hil-sim apply`, which has the search's tables and the connection to a bus.
+//!
+//! A build of the simulator takes minutes where there is none, so the first line comes before it, and cargo shows its progress.
 
 use std::process::Stdio;
 
 use crate::Failure;
+use crate::outcome::say;
 use crate::program::{program, typed};
 
 /// Arguments of `apply`.
@@ -17,6 +20,14 @@ pub struct ApplyArgs {
 /// # Errors
 /// A board did not take the values (1); it could not begin (2). The details are printed.
 pub fn apply(args: &ApplyArgs) -> Result<(), Failure> {
+    let mut build = program("cargo build --release --package hil-sim --bin hil-sim");
+    let line = typed(&build);
+    say(&format!("first hil-sim is built, where it is not up to date, which takes some minutes: {line}"));
+    match build.stdin(Stdio::null()).status() {
+        Ok(status) if status.success() => {}
+        Ok(status) => return Err(Failure::Unusable(format!("not built: {status}\n  repeat with: {line}"))),
+        Err(error) => return Err(Failure::Unusable(format!("cannot start: {error}\n  repeat with: {line}"))),
+    }
     let mut apply = program("cargo run --quiet --release --package hil-sim -- apply");
     apply.args(&args.arguments);
     let line = typed(&apply);

@@ -140,6 +140,11 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
             begun.elapsed().as_secs_f64()
         ));
     }
+    if let Connected::Bus(bus) = &connected
+        && bus.health().refusals > 0
+    {
+        say(&format!("the adapter refused {} frames; each was sent again", bus.health().refusals));
+    }
     Ok(())
 }
 

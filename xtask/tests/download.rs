@@ -105,7 +105,7 @@ fn rejected_command_is_reported_with_a_next_step() {
     let deaf = adapter(|_| b"");
     let full = adapter(|command| if command.starts_with('t') { b"\x07" } else { good(command) });
     for (address, said, next) in [
-        (&deaf, "the connection ended: ", "check that this is the hand's port"),
+        (&deaf, "the connection to the adapter ended: ", "check that this is the adapter's port"),
         (
             &but("", b"error: two hosts: disconnect one\r\x07"),
             "two hosts: disconnect one",

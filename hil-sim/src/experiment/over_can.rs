@@ -23,7 +23,6 @@ use crate::world::node::Node;
 use crate::world::plant::ParamError;
 use crate::world::rig::Rig;
 use compare::Path;
-pub(crate) use requests::answer;
 
 /// Default interval at which the host polls T, MODE and P, ms per board on the bus: a round takes 0.6 ms of bus time per board. No
 /// round starts before the last one is answered.

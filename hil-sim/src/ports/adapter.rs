@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use tater_wire::Frame;
-use wraptor::{Bus, CallError, ConnectError};
+use wraptor::{Bus, CallError, ConnectError, Health};
 
 use super::interrupt;
 use crate::experiment::input::BadInput;
@@ -61,7 +61,12 @@ impl Link {
         self.bus.send(frame, PATIENCE).map_err(|error| self.lost(&error))
     }
 
-    /// The next frame; `None` if none comes within the limit. A frame that the adapter refuses is lost: its answer will be missed.
+    /// What the adapter has not carried at the first attempt.
+    pub const fn health(&self) -> Health {
+        self.bus.health()
+    }
+
+    /// The next frame; `None` if none comes within the limit. A frame that the adapter keeps refusing is lost: its answer will be missed.
     ///
     /// # Errors
     /// The bus is lost.
@@ -76,6 +81,14 @@ impl Link {
             ..bad(&self.place, "the adapter is lost", &error.failure.to_string())
         }
     }
+}
+
+/// What an adapter has not carried at the first attempt.
+pub fn remark(Health { refusals, damaged }: Health) -> Option<String> {
+    let refused = (refusals > 0).then(|| format!("refused {refusals} frames, each of which was sent again"));
+    let damaged = (damaged > 0).then(|| format!("sent {damaged} damaged lines, which were left out"));
+    let all: Vec<String> = refused.into_iter().chain(damaged).collect();
+    (!all.is_empty()).then(|| format!("note: the adapter {}; check it and its cable", all.join(" and ")))
 }
 
 /// A connection with its clock.
@@ -113,6 +126,10 @@ impl excite::Link for Timed<'_> {
 
     fn is_interrupted(&self) -> bool {
         interrupt::interrupted()
+    }
+
+    fn remark(&self) -> Option<String> {
+        remark(self.link.health())
     }
 }
 

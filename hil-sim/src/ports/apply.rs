@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tater_wire::{MotorKind, Node as Id};
+use tater_wire::{MotorKind, Node as Id, Property};
 
 use super::adapter::open;
 use super::interrupt;
@@ -92,14 +92,10 @@ fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bo
     let adapter =
         adapter(args).ok_or_else(|| Stop::Bad("found no adapter, expected --slcan or --can".into()))?;
     let nodes = nodes(args, &tuned);
-    let mut before = Undo::load(path)?;
+    let before = Undo::load(path)?;
     let mut link = connect(&adapter, clock)?;
-    let mut boards = Vec::new();
-    for node in nodes {
-        let present = meet(link.as_mut(), node, &mut |step| warn(step))?;
-        let motor = motor_of(args, &tuned, &present)?;
-        boards.push(compare(link.as_mut(), present, &motor.values())?);
-    }
+    let values = |present: &Present| Ok(motor_of(args, &tuned, present)?.values());
+    let mut boards = read_boards(link.as_mut(), &nodes, &values)?;
     for motor in &tuned.motors {
         if boards.iter().all(|board| Some(board.present.kind) != motor.kind()) {
             warn(&format!("note: {} is left out: --node names no board with such a motor", motor.motor));
@@ -107,21 +103,74 @@ fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bo
     }
     let mut undo = before.clone().unwrap_or_else(|| Undo::new(adapter.clone()));
     undo.keep(path, &boards)?;
+    undo.keep_others(&mut boards);
     undo.adapter = adapter;
     let told = Told { args, path, boards: &boards };
     if args.dry_run {
         return told.shown();
     }
     told.difference()?;
-    undo.save(path)?;
-    let done = write(link.as_mut(), &boards, &mut |step| warn(step));
-    if let Err(broken) = &done
-        && broken.states.iter().all(|state| matches!(state, State::Untouched | State::Restored))
-    {
-        // What there was before is there again.
-        before.get_or_insert_with(|| Undo::new(undo.adapter)).save(path)?;
-    }
+    let done = write_kept(link.as_mut(), path, (before, undo), &boards, &mut |step| warn(step))?;
+    link.remark().iter().for_each(|text| warn(text));
     told.end(&done)
+}
+
+/// The values that a board shall have.
+type Values<'a> = dyn Fn(&Present) -> Result<Vec<(Property, i64)>, BadInput> + 'a;
+
+/// Meets boards and reads what they hold.
+fn read_boards(link: &mut dyn Link, nodes: &[Id], values: &Values) -> Result<Vec<Board>, Stop> {
+    let mut boards = Vec::new();
+    for node in nodes {
+        let present = meet(link, *node, &mut |step| warn(step))?;
+        boards.push(compare(link, present, &values(&present)?)?);
+    }
+    Ok(boards)
+}
+
+/// Writes boards, with their old values in a file meanwhile, and afterwards unless the boards hold them again. `before`: what was in the file.
+fn write_kept(
+    link: &mut dyn Link,
+    path: &Path,
+    (before, mut undo): (Option<Undo>, Undo),
+    boards: &[Board],
+    progress: &mut dyn FnMut(&str),
+) -> Result<Result<(), Broken>, BadInput> {
+    undo.save(path)?;
+    let done = write(link, boards, progress);
+    match &done {
+        Ok(()) => {
+            undo.settled(boards);
+            undo.save(path)?;
+        }
+        Err(broken)
+            if broken.states.iter().all(|state| matches!(state, State::Untouched | State::Restored)) =>
+        {
+            // What there was before is there again.
+            let mut before = before.unwrap_or_else(|| Undo::new(undo.adapter));
+            before.settled(boards);
+            before.save(path)?;
+        }
+        Err(_) => {}
+    }
+    Ok(done)
+}
+
+/// Writes the old values of a file, and takes from the file what the boards then hold.
+fn write_back(
+    link: &mut dyn Link,
+    path: &Path,
+    undo: &mut Undo,
+    boards: &[Board],
+    progress: &mut dyn FnMut(&str),
+) -> Result<Result<(), Broken>, BadInput> {
+    undo.save(path)?;
+    let done = write(link, boards, progress);
+    if done.is_ok() {
+        undo.boards.retain(|kept| boards.iter().all(|board| board.present.node != kept.node()));
+        undo.save(path)?;
+    }
+    Ok(done)
 }
 
 fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Stop> {
@@ -153,22 +202,16 @@ fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Res
         }));
     }
     let mut link = connect(&adapter(args).unwrap_or_else(|| undo.adapter.clone()), clock)?;
-    let mut boards = Vec::new();
-    for kept in undo.boards.iter().filter(|kept| is_wanted(kept)) {
-        let present = meet(link.as_mut(), kept.node(), &mut |step| warn(step))?;
-        kept.check(path, &present)?;
-        boards.push(compare(link.as_mut(), present, &kept.values())?);
-    }
+    let nodes: Vec<Id> = undo.boards.iter().filter(|kept| is_wanted(kept)).map(Kept::node).collect();
+    let mut boards = read_boards(link.as_mut(), &nodes, &|present| undo.values(path, present))?;
+    undo.keep_others(&mut boards);
     let told = Told { args, path, boards: &boards };
     if args.dry_run {
         return told.shown();
     }
     told.difference()?;
-    let done = write(link.as_mut(), &boards, &mut |step| warn(step));
-    if done.is_ok() {
-        undo.boards.retain(|kept| !is_wanted(kept));
-        undo.save(path)?;
-    }
+    let done = write_back(link.as_mut(), path, &mut undo, &boards, &mut |step| warn(step))?;
+    link.remark().iter().for_each(|text| warn(text));
     told.end(&done)
 }
 
@@ -240,7 +283,7 @@ impl Told<'_> {
             return Ok(());
         }
         let mut text = String::new();
-        for Board { present, changes } in self.boards {
+        for Board { present, changes, .. } in self.boards {
             text.push_str(&format!("node {}, {}\n", present.node.number(), motor_name(present.kind)));
             for change in changes {
                 let name = change.property.row().name;
@@ -308,7 +351,7 @@ impl Told<'_> {
             Some(Ok(())) => State::New,
             Some(Err(broken)) => broken.states.get(index).copied().unwrap_or(State::Untouched),
         };
-        let board = |(index, Board { present, changes }): (usize, &Board)| {
+        let board = |(index, Board { present, changes, .. }): (usize, &Board)| {
             let changes: Vec<Value> = changes
                 .iter()
                 .map(|change| json!({ "property": change.property.row().name, "old": change.old, "new": change.new }))
@@ -337,3 +380,6 @@ impl Told<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod fuzz;

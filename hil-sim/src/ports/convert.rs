@@ -1,7 +1,8 @@
 //! `hil-sim convert`: traces between CSV, MCAP and Parquet, and the files of all who read or write traces.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::output::{is_same_file, replace_file};
 use crate::experiment::input::BadInput;
@@ -57,6 +58,44 @@ impl Format {
             Self::Mcap => Box::new(mcap::Writer::new(out, heading)?),
             Self::Parquet => Box::new(parquet::Writer::new(out, heading)?),
         })
+    }
+
+    /// The same for a file that grows for days: each row is written at once, and nothing of it is kept. Parquet keeps a group of rows, and a line of
+    /// its index for each group.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn appending<'a, W: Write + Send + 'a>(
+        self,
+        out: W,
+        heading: &Heading,
+    ) -> Result<Box<dyn Sink + 'a>, TableError> {
+        Ok(match self {
+            Self::Mcap => Box::new(mcap::Appender::new(out, heading)?),
+            Self::Csv | Self::Parquet => self.sink(out, heading)?,
+        })
+    }
+}
+
+/// Bytes of a file that is written piece by piece: a [`Sink`] has one handle, and who writes the file the other.
+#[derive(Clone, Default)]
+pub struct Pending(Arc<Mutex<Vec<u8>>>);
+
+impl Pending {
+    /// Takes what is there.
+    pub fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Pending {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -142,4 +181,39 @@ fn copy(source: &dyn Source, input: &Path, output: &Path, format: Format) -> Res
     sink.finish().map_err(|error| bad(output, error))?;
     drop(sink);
     replace_file(output, &bytes).map_err(|error| bad(output, TableError::Io(error)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tuning::table::{Cell, Column, Kind};
+
+    /// What a writer keeps of its rows it writes with the end, which is as long after 10 rows as after 100,000; and each row is written at once.
+    #[test]
+    fn appended_rows_are_not_kept() {
+        let heading = Heading {
+            columns: vec![Column::new("time_ms", "ms", Kind::Float), Column::new("mode", "", Kind::Int)],
+            metadata: vec![("node".to_owned(), "4".to_owned())],
+        };
+        for (format, shortest) in [(Format::Csv, 4), (Format::Mcap, 40)] {
+            let end = |rows: u32| {
+                let pending = Pending::default();
+                let mut sink = format.appending(pending.clone(), &heading).expect("in memory");
+                pending.take();
+                for row in 0..rows {
+                    sink.row(&[Cell::Float(f64::from(row)), Cell::Int(3)]).expect("in memory");
+                    let written = pending.take();
+                    // The first of a channel declares it.
+                    assert!(
+                        row == 0 || (shortest..100).contains(&written.len()),
+                        "row {row}: {}",
+                        written.len()
+                    );
+                }
+                sink.finish().expect("in memory");
+                pending.take().len()
+            };
+            assert_eq!(end(10), end(100_000));
+        }
+    }
 }

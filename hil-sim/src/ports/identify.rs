@@ -73,7 +73,21 @@ pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
             print(&format!("\n{}\n", dir.join(PAGE).display()))?;
         }
     }
-    Ok(found.missing.is_empty())
+    let beyond = found.beyond();
+    for error in &beyond {
+        warn(&format!(
+            "error: {}",
+            BadInput {
+                place: file.clone(),
+                problem: "the board's model of this motor has a value that no board takes".to_owned(),
+                found: error.found(),
+                expected: error.expected(),
+                next: "compare the figures with the motor's data sheet, and record again; a board without this property has its default"
+                    .to_owned(),
+            }
+        ));
+    }
+    Ok(found.missing.is_empty() && beyond.is_empty())
 }
 
 const PAGE: &str = "residuals.html";
@@ -155,6 +169,8 @@ fn object(found: &Identified) -> Value {
     let properties: Map<String, Value> =
         found.properties().into_iter().map(|(name, value)| (name.to_owned(), value.into())).collect();
     object.insert("properties".to_owned(), Value::Object(properties));
+    let beyond: Vec<String> = found.beyond().iter().map(ToString::to_string).collect();
+    object.insert("out_of_range".to_owned(), json!(beyond));
     object.insert("record".to_owned(), json!(found.missing));
     object.insert("remarks".to_owned(), json!(found.remarks));
     Value::Object(object)

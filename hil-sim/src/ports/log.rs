@@ -1,20 +1,24 @@
 //! `hil-sim log`: records a live board over its bus into a trace, by GETs in a cycle. Only GETs, and one SET: a board in its
 //! monitor is woken (STAT 2), as by any host.
+//!
+//! Rows go into the file each second, whole, and nothing else is kept: a program that is killed leaves what it had recorded, and a recording of
+//! days needs no more memory than one of a minute. Parquet keeps its index for the end, so there a kill loses the file.
 
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tater_wire::property::Access;
 use tater_wire::{Destination, Message, Node, Property};
 
-use super::adapter::{Clock, Link};
-use super::convert::{self, Format};
+use super::adapter::{self, Clock, Link};
+use super::convert::{self, Format, Pending};
 use super::interrupt;
-use super::output::{check_file, replace_file, warn};
+use super::output::{check_file, warn};
 use crate::experiment::input::BadInput;
-use crate::experiment::over_can::answer;
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
-use crate::tuning::traces::{TIME, unit};
+use crate::tuning::traces::{TIME, UNTRUSTED, unit};
 
 /// Time limit of an answer: a board that erases a page (40 ms) answers after it.
 const ANSWER: Duration = Duration::from_millis(100);
@@ -24,6 +28,9 @@ const WAKE: Duration = Duration::from_secs(5);
 
 /// A board that answers nothing for this long is silent: more than a reset and its monitor take.
 const SILENCE: Duration = Duration::from_secs(2);
+
+/// Time between two writes into the file: what a kill loses at most.
+const FLUSH: Duration = Duration::from_secs(1);
 
 /// The arguments of `hil-sim log`.
 #[derive(clap::Args)]
@@ -73,20 +80,52 @@ pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
     // From here ^C ends the recording and not the program.
     interrupt::finish_first();
     let link = Link::open(args.slcan.as_deref(), args.can.as_deref())?;
-    let mut board = Board { link, node, clock };
+    let mut board = Board { link, node, clock, doubts: 0 };
     wake(args, &mut board)?;
     let heading = Heading { columns: columns(), metadata: facts(args, &mut board)? };
     let wrong = |error: TableError| convert::bad(&args.out, error);
-    let mut bytes = Vec::new();
-    let mut sink = format.sink(&mut bytes, &heading).map_err(wrong)?;
+    let pending = Pending::default();
+    let mut sink = format.appending(pending.clone(), &heading).map_err(wrong)?;
+    let file = File::create(&args.out).map_err(|error| wrong(TableError::Io(error)))?;
+    let mut log = Log { pending, file, rows: 0, untrusted: 0 };
+    log.flush().map_err(wrong)?;
+    if let Format::Parquet = format {
+        warn(&format!(
+            "warning: a kill loses {}, since a Parquet file has its index at its end; record .csv or .mcap, and convert it",
+            args.out.display()
+        ));
+    }
     warn(&format!("recording node {}; ^C ends it and keeps the file", args.node));
-    let recorded = record(args, &mut board, sink.as_mut(), seconds);
-    sink.finish().map_err(wrong)?;
-    drop(sink);
-    replace_file(&args.out, &bytes).map_err(|error| wrong(TableError::Io(error)))?;
-    let rows = recorded?;
-    warn(&format!("{}: {rows} rows of node {}", args.out.display(), args.node));
+    let recorded = record(args, &mut board, sink.as_mut(), &mut log, seconds);
+    sink.finish().and_then(|()| log.flush()).map_err(wrong)?;
+    if let Some(text) = adapter::remark(board.link.health()) {
+        warn(&text);
+    }
+    if log.untrusted > 0 {
+        warn(&format!(
+            "warning: {} of {} rows could not be trusted (column {UNTRUSTED}): answers were damaged, missing or out of range\n  next: check adapter and cable",
+            log.untrusted, log.rows
+        ));
+    }
+    recorded?;
+    warn(&format!("{}: {} rows of node {}", args.out.display(), log.rows, args.node));
     Ok(())
+}
+
+/// The file, and how much is in it.
+struct Log {
+    /// Rows that are not in the file yet.
+    pending: Pending,
+    file: File,
+    rows: u64,
+    untrusted: u64,
+}
+
+impl Log {
+    /// Writes what is pending. Called between two rows, so that the file has whole ones.
+    fn flush(&mut self) -> Result<(), TableError> {
+        Ok(self.file.write_all(&self.pending.take())?)
+    }
 }
 
 fn duration(seconds: Option<f64>) -> Result<Option<Duration>, BadInput> {
@@ -108,6 +147,8 @@ struct Board<'a> {
     link: Link,
     node: Node,
     clock: Clock<'a>,
+    /// Answers that were missing, or no value of their property.
+    doubts: u64,
 }
 
 impl Board<'_> {
@@ -121,11 +162,15 @@ impl Board<'_> {
         self.link.send(&request.frame())?;
         let deadline = (self.clock)() + ANSWER;
         while let Some(frame) = self.link.receive(deadline.saturating_sub((self.clock)()))? {
-            match answer(&frame) {
-                Some((from, of, value)) if (from, of) == (self.node, property) => return Ok(Some(value)),
+            match Message::parse(&frame).and_then(|message| message.answered()) {
+                Some((from, of, Some(value))) if (from, of) == (self.node, property) => {
+                    return Ok(Some(value));
+                }
+                Some((from, of, None)) if (from, of) == (self.node, property) => break,
                 _ => {}
             }
         }
+        self.doubts += 1;
         Ok(None)
     }
 }
@@ -182,7 +227,8 @@ fn columns() -> Vec<Column> {
         0 => Column::new(*name, unit(name), Kind::Int).nullable(),
         decimals => Column::new(*name, unit(name), Kind::Float).nullable().decimals(*decimals),
     });
-    std::iter::once(time).chain(others).collect()
+    let untrusted = Column::new(UNTRUSTED, unit(UNTRUSTED), Kind::Int);
+    std::iter::once(time).chain(others).chain([untrusted]).collect()
 }
 
 /// All properties that can be read, by name: gains, limits and versions.
@@ -211,26 +257,34 @@ fn facts(args: &LogArgs, board: &mut Board) -> Result<Vec<(String, String)>, Bad
     Ok(facts)
 }
 
-/// Records until the time is over or ^C; returns the number of rows.
+/// Records until the time is over or ^C.
 fn record(
     args: &LogArgs,
     board: &mut Board,
     sink: &mut dyn Sink,
+    log: &mut Log,
     seconds: Option<Duration>,
-) -> Result<u64, BadInput> {
+) -> Result<(), BadInput> {
     let begun = (board.clock)();
-    let (mut answered, mut rows) = (begun, 0);
+    let (mut answered, mut flushed) = (begun, begun);
+    let wrong = |error: TableError| convert::bad(Path::new(&args.out), error);
     loop {
         let now = (board.clock)();
         if interrupt::interrupted() || seconds.is_some_and(|seconds| now - begun >= seconds) {
-            return Ok(rows);
+            return Ok(());
         }
+        if now - flushed >= FLUSH {
+            log.flush().map_err(wrong)?;
+            flushed = now;
+        }
+        let (doubts, damaged) = (board.doubts, board.link.health().damaged);
         let mut row = vec![Cell::Float((now - begun).as_secs_f64() * 1000.0)];
         for (_, property, scale, decimals) in COLUMNS {
             let value = board.get(property)?;
             if value.is_some() {
                 answered = (board.clock)();
             } else if (board.clock)() - answered >= SILENCE {
+                let rows = log.rows;
                 let found =
                     format!("no answer for 2 s after {rows} rows, which {} keeps", args.out.display());
                 return Err(silent(args, &found));
@@ -241,7 +295,11 @@ fn record(
                 _ => value.map(|value| value as f64 / scale).into(),
             });
         }
-        sink.row(&row).map_err(|error| convert::bad(Path::new(&args.out), error))?;
-        rows += 1;
+        // A damaged line is mostly that of the answer that is missing.
+        let untrusted = (board.doubts - doubts).max(board.link.health().damaged - damaged);
+        row.push(Cell::Int(i64::try_from(untrusted).unwrap_or(i64::MAX)));
+        sink.row(&row).map_err(wrong)?;
+        log.rows += 1;
+        log.untrusted += u64::from(untrusted > 0);
     }
 }

@@ -1,5 +1,6 @@
 //! Lawicel SLCAN, the text protocol of serial CAN adapters (CAN232/CANUSB manuals, Lawicel AB), from the adapter's side and
-//! without I/O: bytes in, frames and answers out. CR acknowledges a command, BEL refuses it.
+//! without I/O: bytes in, frames and answers out. CR acknowledges a command, BEL refuses it. The grammar of a frame is the host library's,
+//! for both sides ([`wraptor::slcan::line`]).
 //!
 //! The simulated bus runs at 1 Mbit/s and carries data frames with 11-bit identifiers. Other bit rates (S0 to S7, other `s`
 //! registers), extended and remote frames (T, R, r) and acceptance masks that would hide a frame (m) get BEL and change nothing:
@@ -7,6 +8,7 @@
 //! there is no polling.
 
 use tater_wire::Frame;
+use wraptor::slcan::line::{self, hex};
 
 use crate::world::bus::Stamped;
 
@@ -67,12 +69,8 @@ impl Slcan {
         if self.channel == Channel::Closed {
             return;
         }
-        let data = stamped.frame.data();
-        out.extend(format!("t{:03X}{}", stamped.frame.raw_id(), data.len()).bytes());
-        data.iter().for_each(|byte| out.extend(format!("{byte:02X}").bytes()));
-        if self.stamps {
-            out.extend(format!("{:04X}", stamped.at_us / 1000 % STAMP_MS).bytes());
-        }
+        let ms = u16::try_from(stamped.at_us / 1000 % STAMP_MS).ok().filter(|_| self.stamps);
+        out.extend(line::format(&stamped.frame, ms).bytes());
         out.push(CR);
     }
 
@@ -95,8 +93,8 @@ impl Slcan {
                 self.channel = Channel::Closed;
                 Some("")
             }
-            [b't', ref frame @ ..] if self.channel == Channel::Open => {
-                let frame = parse(frame);
+            [b't', ..] if self.channel == Channel::Open => {
+                let frame = line::frame(line);
                 out.extend(if frame.is_some() { &b"z\r"[..] } else { &[BEL] });
                 return frame;
             }
@@ -123,24 +121,6 @@ impl Slcan {
         }
         None
     }
-}
-
-/// Parses up to eight hexadecimal digits.
-fn hex(digits: &[u8]) -> Option<u32> {
-    let digit = |value: u32, byte: &u8| Some(value << 4 | char::from(*byte).to_digit(16)?);
-    if digits.len() > 8 { None } else { digits.iter().try_fold(0, digit) }
-}
-
-/// Parses exactly `iiildd...`: identifier, length, data.
-fn parse(text: &[u8]) -> Option<Frame> {
-    let (id, rest) = text.split_at_checked(3)?;
-    let (len, rest) = rest.split_first()?;
-    let len = usize::try_from(char::from(*len).to_digit(10)?).ok()?;
-    if rest.len() != 2 * len {
-        return None;
-    }
-    let data: Option<Vec<u8>> = rest.chunks(2).map(|pair| u8::try_from(hex(pair)?).ok()).collect();
-    Frame::from_raw(u16::try_from(hex(id)?).ok()?, &data?)
 }
 
 /// Whether BTR0 and BTR1 of an SJA1000 at 16 MHz, as four digits, make 1 Mbit/s: eight quanta of 125 ns.

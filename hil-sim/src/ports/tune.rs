@@ -350,8 +350,13 @@ fn shipped(args: &TuneArgs, kind: MotorKind) -> Result<Vec<Scenario>, BadInput> 
             args.set.iter().try_for_each(|assignment| scenario.set(assignment))?;
             args.figures.apply(scenario)
         };
-        if is_of && fits(&mut scenario).is_ok() {
-            all.push(scenario);
+        match fits(&mut scenario) {
+            _ if !is_of => {}
+            Ok(()) => all.push(scenario),
+            Err(bad) => warn(&format!(
+                "note: {} is left out, as it does not fit: {}: {}",
+                shipped.name, bad.place, bad.problem
+            )),
         }
     }
     Ok(all)

@@ -48,6 +48,9 @@ pub struct Kept {
     /// SN.
     serial: i64,
     old: BTreeMap<String, i64>,
+    /// The other stored properties before a write that has not ended well: a damaged frame may have meant one of them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    others: BTreeMap<String, i64>,
 }
 
 impl Kept {
@@ -118,7 +121,7 @@ impl Undo {
             if Id::new(kept.node).is_none() {
                 return Err(bad(0, "has a node that no bus has", &kept.node.to_string()));
             }
-            for (name, value) in &kept.old {
+            for (name, value) in kept.old.iter().chain(&kept.others) {
                 let row = Property::named(name);
                 if !row.is_some_and(|property| property.rules().admits(*value)) {
                     return Err(bad(
@@ -132,18 +135,55 @@ impl Undo {
         Ok(Some(undo))
     }
 
+    /// What a board held.
+    ///
+    /// # Errors
+    /// It is another board than the one with this number.
+    pub fn values(&self, path: &Path, present: &Present) -> Result<Vec<(Property, i64)>, BadInput> {
+        let Some(kept) = self.boards.iter().find(|kept| kept.node == present.node.number()) else {
+            return Ok(Vec::new());
+        };
+        kept.check(path, present)?;
+        Ok(kept.values())
+    }
+
+    /// Takes the other properties of boards from before a write that has not ended well, and keeps them until [`Self::settled`].
+    pub fn keep_others(&mut self, boards: &mut [Board]) {
+        for Board { present, rest, .. } in boards {
+            let Some(kept) = self.boards.iter_mut().find(|kept| kept.node == present.node.number()) else {
+                continue;
+            };
+            for (property, value) in rest {
+                let before = kept.others.entry(property.row().name.to_owned()).or_insert(*value);
+                *value = *before;
+            }
+        }
+    }
+
+    /// These boards hold what they are said to hold.
+    pub fn settled(&mut self, boards: &[Board]) {
+        let is_settled = |kept: &Kept| boards.iter().any(|board| board.present.node.number() == kept.node);
+        self.boards.iter_mut().filter(|kept| is_settled(kept)).for_each(|kept| kept.others.clear());
+    }
+
     /// Keeps what the boards hold now, except what is kept already.
     ///
     /// # Errors
     /// Another board has the number of a kept one.
     pub fn keep(&mut self, path: &Path, boards: &[Board]) -> Result<(), BadInput> {
-        for Board { present, changes } in boards {
+        for Board { present, changes, .. } in boards {
             let node = present.node.number();
             let place = match self.boards.iter().position(|kept| kept.node == node) {
                 Some(place) => place,
                 None => {
                     let motor = motor_name(present.kind).to_owned();
-                    self.boards.push(Kept { node, motor, serial: present.serial, old: BTreeMap::new() });
+                    self.boards.push(Kept {
+                        node,
+                        motor,
+                        serial: present.serial,
+                        old: BTreeMap::new(),
+                        others: BTreeMap::new(),
+                    });
                     self.boards.len() - 1
                 }
             };
@@ -188,7 +228,7 @@ mod tests {
     fn board(node: u8, serial: i64, kp: i64) -> Board {
         let node = Id::new(node).expect("a node");
         let changes = vec![Change { property: Property::KP, old: kp, new: 150 }];
-        Board { present: Present { node, kind: MotorKind::Link, serial }, changes }
+        Board { present: Present { node, kind: MotorKind::Link, serial }, changes, rest: Vec::new() }
     }
 
     #[test]

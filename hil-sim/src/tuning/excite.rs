@@ -5,7 +5,7 @@
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_wire::{Body, Destination, Frame, Message, MotorKind, Node, Property};
+use tater_wire::{Destination, Frame, Message, MotorKind, Node, Property};
 
 use crate::tuning::identify::UNIT_V;
 use crate::world::bus::{Adapter, Bus, Station};
@@ -29,6 +29,11 @@ pub trait Link {
 
     /// Whether the user wants to end.
     fn is_interrupted(&self) -> bool;
+
+    /// What it has not carried at the first attempt, for the user.
+    fn remark(&self) -> Option<String> {
+        None
+    }
 }
 
 /// Why no recording was made.
@@ -686,16 +691,10 @@ fn duty(volts: f64, torque: f64, bus_v: f64) -> f64 {
     (bare + dead * torque.signum()).clamp(-MOST_DUTY, MOST_DUTY)
 }
 
+/// A board's answer; one that is damaged is none, so that the question is repeated.
 fn answer(frame: &Frame) -> Option<(Node, Property, i64)> {
-    let message = Message::parse(frame)?;
-    match message.body {
-        Body::Position(counts) => Some((message.from, Property::P, i64::from(counts))),
-        Body::Set { property, value } => {
-            let property = Property::of(property)?;
-            Some((message.from, property, property.read(value)))
-        }
-        Body::Get(_) | Body::Torques(_) | Body::More { .. } => None,
-    }
+    let (from, of, value) = Message::parse(frame)?.answered()?;
+    Some((from, of, value?))
 }
 
 /// Boards of a simulated bus, in simulated time.

@@ -17,6 +17,7 @@ use path::{Edge, Point};
 use record::Row;
 pub use record::{Recording, UNIT_V};
 
+use crate::experiment::properties::PropertyError;
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 use tater_wire::{MotorKind, Property};
 
@@ -95,9 +96,19 @@ pub struct Identified {
 
 impl Identified {
     /// The board's model of its motor, of the figures that are determined: number or name of the property, and value. The board counts torque
-    /// in units of 1/1024 of 24 V across the winding, so R and Ke are in all of them.
+    /// in units of 1/1024 of 24 V across the winding, so R and Ke are in all of them. Those that a board takes; [`Self::beyond`] has the others.
     #[must_use]
     pub fn properties(&self) -> Vec<(&'static str, i64)> {
+        self.model().into_iter().flatten().collect()
+    }
+
+    /// The values of that model that are out of their properties' ranges.
+    #[must_use]
+    pub fn beyond(&self) -> Vec<PropertyError> {
+        self.model().into_iter().filter_map(Result::err).collect()
+    }
+
+    fn model(&self) -> Vec<Result<(&'static str, i64), PropertyError>> {
         if !self.r_ohm.is_determined || !self.ke_v_s.is_determined {
             return Vec::new();
         }
@@ -110,10 +121,13 @@ impl Identified {
             all.push((Property::MFC, "MFC", self.coulomb_n_m.value / unit_n_m));
         }
         let of = |(property, name, value): (Property, &'static str, f64)| {
-            let value = value.round() as i64;
-            property.rules().admits(value).then_some((name, value))
+            let (found, row) = (value.round() as i64, property.row());
+            match property.rules().admits(found) {
+                true => Ok((name, found)),
+                false => Err(PropertyError::Range { name, found, min: row.min, max: row.max }),
+            }
         };
-        all.into_iter().filter_map(of).collect()
+        all.into_iter().map(of).collect()
     }
 
     /// All figures with name and unit, in order.

@@ -5,9 +5,11 @@
 //! both compressions of MCAP are C code.
 
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Seek, Write};
 
-use mcap::records::{MessageHeader, Metadata};
+use mcap::read::LinearReader;
+use mcap::records::{MessageHeader, Metadata, Record};
+use mcap::write::NoSeek;
 use mcap::{McapError, MessageStream, Summary, WriteOptions};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -17,6 +19,9 @@ use super::traces::{MOTOR, TIME};
 
 const TRACE: &str = "trace";
 const COLUMNS: &str = "columns";
+
+/// Key of the record `columns` of a file that is written row by row: without its end it is as long as its last whole row.
+const APPENDED: &str = "appended";
 
 impl From<McapError> for TableError {
     fn from(error: McapError) -> Self {
@@ -37,23 +42,16 @@ struct Described {
     decimals: Option<u8>,
 }
 
-/// Writes a trace as MCAP. Keeps the whole file until it is finished: its index comes last, and its chunks are completed in place.
-pub struct Writer<W: Write> {
-    out: W,
-    file: mcap::Writer<Cursor<Vec<u8>>>,
+/// The rows of a trace as messages.
+struct Messages<W: Write + Seek> {
+    file: mcap::Writer<W>,
     heading: Heading,
     schema: u16,
-    rows: u32,
+    rows: u64,
 }
 
-impl<W: Write> Writer<W> {
-    /// Begins a file.
-    ///
-    /// # Errors
-    /// No column of the time, or those of the crate.
-    pub fn new(out: W, heading: &Heading) -> Result<Self, TableError> {
-        let options = WriteOptions::new().compression(None).library("hil-sim");
-        let mut file = options.create(Cursor::new(Vec::new()))?;
+impl<W: Write + Seek> Messages<W> {
+    fn new(mut file: mcap::Writer<W>, heading: &Heading, is_appended: bool) -> Result<Self, TableError> {
         let schema =
             file.add_schema("hil_sim.Trace", "jsonschema", schema(heading).to_string().as_bytes())?;
         file.write_metadata(&Metadata {
@@ -62,17 +60,17 @@ impl<W: Write> Writer<W> {
         })?;
         let columns: Vec<Described> = heading.columns.iter().map(describe).collect();
         let facts: Vec<&str> = heading.metadata.iter().map(|(key, _)| key.as_str()).collect();
-        let own = [("columns", json!(columns)), ("facts", json!(facts))];
-        let own = own.map(|(key, value)| (key.to_owned(), value.to_string()));
-        file.write_metadata(&Metadata { name: COLUMNS.to_owned(), metadata: own.into() })?;
-        Ok(Self { out, file, heading: heading.clone(), schema, rows: 0 })
+        let own = [("columns", json!(columns)), ("facts", json!(facts)), (APPENDED, json!(is_appended))];
+        // Only a log says so.
+        let own = own.into_iter().filter(|(key, _)| is_appended || *key != APPENDED);
+        let own = own.map(|(key, value)| (key.to_owned(), value.to_string())).collect();
+        file.write_metadata(&Metadata { name: COLUMNS.to_owned(), metadata: own })?;
+        Ok(Self { file, heading: heading.clone(), schema, rows: 0 })
     }
-}
 
-impl<W: Write> Sink for Writer<W> {
     fn row(&mut self, cells: &[Cell]) -> Result<(), TableError> {
         self.rows += 1;
-        let row = u64::from(self.rows);
+        let row = self.rows;
         check(&self.heading.columns, row, cells)?;
         let (mut time, mut topic, mut message) = (None, "/motor".to_owned(), String::from("{"));
         for (column, cell) in self.heading.columns.iter().zip(cells) {
@@ -95,17 +93,72 @@ impl<W: Write> Sink for Writer<W> {
         message.push('}');
         let time = time.ok_or_else(|| TableError::place(row, TIME, "no time", "0 or more ms"))?;
         let channel = self.file.add_channel(self.schema, &topic, "json", &BTreeMap::new())?;
-        let header =
-            MessageHeader { channel_id: channel, sequence: self.rows, log_time: time, publish_time: time };
+        // The number wraps after years of a recording.
+        let sequence = row as u32;
+        let header = MessageHeader { channel_id: channel, sequence, log_time: time, publish_time: time };
         Ok(self.file.write_to_known_channel(&header, message.as_bytes())?)
+    }
+}
+
+/// Writes a trace as MCAP. Keeps the whole file until it is finished: its index comes last, and its chunks are completed in place.
+pub struct Writer<W: Write> {
+    out: W,
+    messages: Messages<Cursor<Vec<u8>>>,
+}
+
+impl<W: Write> Writer<W> {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// No column of the time, or those of the crate.
+    pub fn new(out: W, heading: &Heading) -> Result<Self, TableError> {
+        let options = WriteOptions::new().compression(None).library("hil-sim");
+        let file = options.create(Cursor::new(Vec::new()))?;
+        Ok(Self { out, messages: Messages::new(file, heading, false)? })
+    }
+}
+
+impl<W: Write> Sink for Writer<W> {
+    fn row(&mut self, cells: &[Cell]) -> Result<(), TableError> {
+        self.messages.row(cells)
     }
 
     fn finish(&mut self) -> Result<(), TableError> {
-        self.file.finish()?;
+        let file = &mut self.messages.file;
+        file.finish()?;
         let options = WriteOptions::new().compression(None);
-        let done = std::mem::replace(&mut self.file, options.create(Cursor::new(Vec::new()))?);
+        let done = std::mem::replace(file, options.create(Cursor::new(Vec::new()))?);
         self.out.write_all(done.into_inner().get_ref())?;
         Ok(self.out.flush()?)
+    }
+}
+
+/// Writes a trace as MCAP without keeping any of it: each row is a record of its own, neither in a chunk nor in an index, so that a file without its
+/// end has whole rows, which [`Reader`] and `mcap recover` read.
+pub struct Appender<W: Write> {
+    messages: Messages<NoSeek<W>>,
+}
+
+impl<W: Write> Appender<W> {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// Those of [`Writer::new`].
+    pub fn new(out: W, heading: &Heading) -> Result<Self, TableError> {
+        let options =
+            WriteOptions::new().compression(None).library("hil-sim").use_chunks(false).disable_seeking(true);
+        Ok(Self { messages: Messages::new(options.create(NoSeek::new(out))?, heading, true)? })
+    }
+}
+
+impl<W: Write> Sink for Appender<W> {
+    fn row(&mut self, cells: &[Cell]) -> Result<(), TableError> {
+        self.messages.row(cells)
+    }
+
+    fn finish(&mut self) -> Result<(), TableError> {
+        self.messages.file.finish()?;
+        Ok(())
     }
 }
 
@@ -146,24 +199,46 @@ fn column(described: Described) -> Result<Column, TableError> {
     Ok(Column { name, unit, kind, nullable, decimals })
 }
 
-/// Reads a trace that a [`Writer`] has written.
+/// Reads a trace that a [`Writer`] or an [`Appender`] has written.
 pub struct Reader {
     bytes: Vec<u8>,
     heading: Heading,
+    /// Whether the rows are read one by one up to the last whole one.
+    is_appended: bool,
+}
+
+/// The records of a file up to the first that is not whole.
+fn records(bytes: &[u8]) -> impl Iterator<Item = Record<'_>> {
+    LinearReader::sans_magic(bytes.strip_prefix(mcap::MAGIC).unwrap_or_default()).map_while(Result::ok)
+}
+
+/// A metadata record of a file that is written row by row.
+fn appended(bytes: &[u8], name: &str) -> Option<BTreeMap<String, String>> {
+    // They come before the first row.
+    let before = records(bytes).take_while(|record| !matches!(record, Record::Message { .. }));
+    let mut all = before.filter_map(|record| match record {
+        Record::Metadata(metadata) => Some(metadata),
+        _ => None,
+    });
+    all.find(|metadata| metadata.name == name).map(|metadata| metadata.metadata)
 }
 
 impl Reader {
     /// Reads the metadata.
     ///
     /// # Errors
-    /// Bytes that are no whole MCAP file, or a file of another program.
+    /// Bytes that are no whole MCAP file, or a file of another program. A log may lack its end.
     pub fn new(bytes: Vec<u8>) -> Result<Self, TableError> {
-        let summary = Summary::read(&bytes)?;
+        let is_appended = appended(&bytes, COLUMNS).is_some_and(|columns| columns.contains_key(APPENDED));
+        let summary = if is_appended { None } else { Summary::read(&bytes)? };
         let indexes = summary.map(|summary| summary.metadata_indexes).unwrap_or_default();
         let record = |name: &str| {
-            let index = indexes.iter().find(|index| index.name == name).ok_or_else(|| {
-                TableError::File(format!("has no metadata record {name}: it is no trace of hil-sim"))
-            })?;
+            let none =
+                || TableError::File(format!("has no metadata record {name}: it is no trace of hil-sim"));
+            if is_appended {
+                return appended(&bytes, name).ok_or_else(none);
+            }
+            let index = indexes.iter().find(|index| index.name == name).ok_or_else(none)?;
             Ok::<_, TableError>(mcap::read::metadata(&bytes, index)?.metadata)
         };
         let (mut facts, own) = (record(TRACE)?, record(COLUMNS)?);
@@ -177,7 +252,7 @@ impl Reader {
         }
         metadata.extend(facts);
         let columns = columns.into_iter().map(column).collect::<Result<Vec<_>, TableError>>()?;
-        Ok(Self { heading: Heading { columns, metadata }, bytes })
+        Ok(Self { heading: Heading { columns, metadata }, bytes, is_appended })
     }
 }
 
@@ -187,24 +262,39 @@ impl Source for Reader {
     }
 
     fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
-        for (index, message) in MessageStream::new(&self.bytes)?.enumerate() {
-            let row = u64::try_from(index + 1).unwrap_or(u64::MAX);
-            let fields: serde_json::Map<String, Value> = serde_json::from_slice(&message?.data)
-                .map_err(|error| TableError::place(row, "", error.to_string(), "a JSON object"))?;
-            let cells = self.heading.columns.iter().map(|column| {
-                let value = fields.get(&column.name).unwrap_or(&Value::Null);
-                let cell = match (column.kind, value) {
-                    (_, Value::Null) => Some(Cell::Absent),
-                    (Kind::Float, value) => value.as_f64().map(Cell::Float),
-                    (Kind::Int, value) => value.as_i64().map(Cell::Int),
-                    (Kind::Text, value) => value.as_str().map(Cell::from),
-                };
-                cell.ok_or_else(|| {
-                    TableError::place(row, &column.name, value.to_string(), "a value of its kind")
-                })
+        if self.is_appended {
+            let data = records(&self.bytes).filter_map(|record| match record {
+                Record::Message { data, .. } => Some(data),
+                _ => None,
             });
-            sink(&cells.collect::<Result<Vec<_>, TableError>>()?)?;
+            return (1..).zip(data).try_for_each(|(row, data)| self.give(row, &data, sink));
+        }
+        for (index, message) in MessageStream::new(&self.bytes)?.enumerate() {
+            self.give(u64::try_from(index + 1).unwrap_or(u64::MAX), &message?.data, sink)?;
         }
         Ok(())
+    }
+}
+
+impl Reader {
+    fn give(
+        &self,
+        row: u64,
+        data: &[u8],
+        sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>,
+    ) -> Result<(), TableError> {
+        let fields: serde_json::Map<String, Value> = serde_json::from_slice(data)
+            .map_err(|error| TableError::place(row, "", error.to_string(), "a JSON object"))?;
+        let cells = self.heading.columns.iter().map(|column| {
+            let value = fields.get(&column.name).unwrap_or(&Value::Null);
+            let cell = match (column.kind, value) {
+                (_, Value::Null) => Some(Cell::Absent),
+                (Kind::Float, value) => value.as_f64().map(Cell::Float),
+                (Kind::Int, value) => value.as_i64().map(Cell::Int),
+                (Kind::Text, value) => value.as_str().map(Cell::from),
+            };
+            cell.ok_or_else(|| TableError::place(row, &column.name, value.to_string(), "a value of its kind"))
+        });
+        sink(&cells.collect::<Result<Vec<_>, TableError>>()?)
     }
 }

@@ -12,6 +12,9 @@ pub const TIME: &str = "time_ms";
 /// The node of the row, in traces of several motors.
 pub const MOTOR: &str = "motor";
 
+/// How many answers of a recorded row were damaged, missing or out of range; 0: none.
+pub const UNTRUSTED: &str = "untrusted";
+
 /// The unit that a column's name ends in; empty for codes and switches.
 #[must_use]
 pub fn unit(name: &str) -> &'static str {
@@ -57,7 +60,9 @@ pub fn check(heading: &Heading) -> Result<(), TableError> {
 }
 
 fn is_known(name: &str) -> bool {
-    name == MOTOR || COLUMNS.iter().any(|column| column.name == name) || Property::named(name).is_some()
+    [MOTOR, UNTRUSTED].contains(&name)
+        || COLUMNS.iter().any(|column| column.name == name)
+        || Property::named(name).is_some()
 }
 
 #[cfg(test)]

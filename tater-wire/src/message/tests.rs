@@ -176,3 +176,39 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn answer_beyond_its_row_has_no_value() {
+    let node = Node::new(4).expect("a node");
+    let set = |property: Property, value| Message {
+        from: node,
+        to: Destination::Group(Group::REPLIES),
+        body: Body::Set { property: property.id(), value },
+    };
+    let read = |property, value| set(property, value).answered();
+    // KP 120 with a digit too many is −32729, DP in 16 bits has lost four digits, KP in 32 bits has got four.
+    for (property, value, expected) in [
+        (Property::KP, Value::Short(120), Some(120)),
+        (Property::KP, Value::Short(0x8027), None),
+        (Property::KP, Value::Long(120), None),
+        (Property::DP, Value::Short(120), None),
+        (Property::DP, Value::Long(120), Some(120)),
+        (Property::OTEMP, Value::Short(150), None),
+        (Property::TSTOP, Value::Long(65535), Some(65535)),
+        (Property::TSTOP, Value::Long(65536), None),
+        (Property::P, Value::Long(5), None),
+        (Property::VERS, Value::Short(601), Some(601)),
+        (Property::ID, Value::Short(0), Some(0)),
+        (Property::ID, Value::Short(32), None),
+    ] {
+        assert_eq!(read(property, value), Some((node, property, expected)), "{property:?} {value:?}");
+    }
+    let position =
+        Message { from: node, to: Destination::Group(Group::POSITIONS), body: Body::Position(-40_000) };
+    assert_eq!(position.answered(), Some((node, Property::P, Some(-40_000))));
+    // A host's SET, and the answer to another board, are none.
+    let order = Message::set(Destination::Node(node), Property::KP, 120).expect("it fits");
+    assert_eq!(order.answered(), None);
+    let host = Message { to: Destination::Node(node), ..set(Property::KP, Value::Short(120)) };
+    assert_eq!(host.answered(), None);
+}

@@ -1,6 +1,6 @@
 //! Requests and answers one at a time, outside a scenario's timeline.
 
-use tater_wire::{Body, Destination, Frame, Message, Node as Id, Property};
+use tater_wire::{Destination, Frame, Message, Node as Id, Property};
 
 use super::{ObservedBoard, OverCan};
 
@@ -104,14 +104,8 @@ impl<S: ObservedBoard> OverCan<S> {
     }
 }
 
-pub(crate) fn answer(frame: &Frame) -> Option<(Id, Property, i64)> {
-    let message = Message::parse(frame)?;
-    match message.body {
-        Body::Position(counts) => Some((message.from, Property::P, i64::from(counts))),
-        Body::Set { property, value } => {
-            let property = Property::of(property)?;
-            Some((message.from, property, property.read(value)))
-        }
-        Body::Get(_) | Body::Torques(_) | Body::More { .. } => None,
-    }
+/// A board's answer; one that is damaged is none.
+pub(super) fn answer(frame: &Frame) -> Option<(Id, Property, i64)> {
+    let (from, of, value) = Message::parse(frame)?.answered()?;
+    Some((from, of, value?))
 }
