@@ -108,8 +108,6 @@ enum Times {
     Three,
 }
 
-const TIMES: [Times; 3] = [Times::Default, Times::Zero, Times::Three];
-
 /// Worm lead, play, twist of the gear, stiffness and damping of the stops.
 type Variation = [Times; 5];
 

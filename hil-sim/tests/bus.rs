@@ -236,7 +236,7 @@ fn truth_shows_the_radian_that_a_host_of_the_bh8_280_asks_for() {
     let mut host = connect(&served);
     host.write_all(b"C\rS8\rO\r").expect("written");
     read_to(&mut host, "\x07\r\r");
-    let mut until = |host: &mut TcpStream, request: &[u8], answer: &str| {
+    let until = |host: &mut TcpStream, request: &[u8], answer: &str| {
         (0..QUESTIONS).find(|_| {
             host.write_all(request).expect("written");
             read_to(host, "V0100\r").contains(answer)
