@@ -98,12 +98,9 @@ fn build_thumb() -> Outcome {
 /// Fewest distinct flash contents after a power cut.
 const CUT_STATES: u64 = 100_000;
 
-/// The variable that seeds property tests; without it each run has new inputs.
-pub const PROPERTY_SEED: &str = "PROPTEST_RNG_SEED";
-
 fn tests() -> Outcome {
     let mut tests = program("cargo test --workspace -- --nocapture");
-    tests.env(PROPERTY_SEED, fuzz::CI_SEED.to_string());
+    tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string());
     let text = output(tests)?;
     let marked =
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);

@@ -82,6 +82,9 @@ fn fuzz_with(seed: u32, runs: Option<u32>) -> Outcome {
     Ok(())
 }
 
+/// The variable that seeds property tests; without it each run has new inputs.
+pub const PROPERTY_SEED: &str = "PROPTEST_RNG_SEED";
+
 /// The seed of `ci`, for fuzz targets and property tests.
 pub const CI_SEED: u32 = 1;
 

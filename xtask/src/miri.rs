@@ -5,8 +5,7 @@
 //! thousand times are left out.
 
 use crate::Outcome;
-use crate::ci::PROPERTY_SEED;
-use crate::fuzz::CI_SEED;
+use crate::fuzz::{CI_SEED, PROPERTY_SEED};
 use crate::program::{program, run, succeeds, target};
 
 /// Packages, each with parts of the names of its tests that run.
