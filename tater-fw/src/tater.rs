@@ -588,7 +588,7 @@ impl<B: Board> Tater<B> {
         if self.node == Node::HOST && command.moves() {
             return Err(SetError::Unnamed);
         }
-        if self.goal_refused && matches!(command, Command::Mode(Mode::Trapezoidal)) {
+        if self.goal_refused && matches!(command, Command::Mode(Mode::Trapezoidal) | Command::MoveToEnd) {
             let fault = self.servo.telemetry().fault;
             self.end_refused(fault.map_or(Refusal::Range, Refusal::Fault));
             return Err(SetError::Range(Property::E));

@@ -160,3 +160,17 @@ fn mode_5_ends_as_hold_says_in_foreign_units_only() {
         );
     }
 }
+
+/// A goal beyond the joint is refused in the host's units too, and so is MODE 5 until a good one.
+#[test]
+fn mode_5_after_a_refused_goal_is_refused_in_foreign_units() {
+    let mut bench = foreign(1);
+    bench.set(Property::E, 40_000).expect("within the joint");
+    let beyond = 250_000;
+    assert_eq!(bench.set(Property::E, beyond), Err(SetError::Range(Property::E)));
+    assert!(bench.set(Property::MODE, 5).is_err());
+    assert_eq!((bench.get(Property::MODE), bench.get(Property::END)), (Some(0), Some(3)));
+    bench.set(Property::E, 40_000).expect("within the joint");
+    bench.set(Property::MODE, 5).expect("a mode");
+    assert_eq!(bench.get(Property::MODE), Some(5));
+}
