@@ -563,7 +563,7 @@ mod tests {
         assert_eq!(of(0x406, &[0x88, 0, 3, 0]), None, "the host's");
         assert_eq!(of(0x506, &[0x88, 0, 3, 0]), None, "node 8");
         assert_eq!(of(0x486, &[0x08]), None, "a GET");
-        assert_eq!(of(0x486, &[0xFF, 0, 3, 0]), None, "no property");
+        assert_eq!(of(0x486, &[0x86, 0, 3, 0]), None, "no property");
         assert_eq!(of(0x486, &[0x88, 0]), None, "no message");
     }
 }

@@ -246,9 +246,10 @@ fn truth_shows_the_radian_that_a_host_of_the_bh8_280_asks_for() {
     until(&mut host, b"t00B485000200\rt00B105\rV\r", "t566485000200").expect("awake");
     until(&mut host, b"t00B49D000D00\rt00B108\rV\r", "t566488000400").expect("HI");
     until(&mut host, b"t00B108\rV\r", "t566488000000").expect("HI has ended");
-    // E 81,487, MODE 5, until MODE is 0.
+    // E 81,487, MODE 5, until MODE is 5, then 0: an answer of HI's last question may still be under way.
     host.write_all(b"t00B6B4004F3E0100\rt00B488000500\rV\r").expect("written");
     read_to(&mut host, "V0100\r");
+    until(&mut host, b"t00B108\rV\r", "t566488000500").expect("moves");
     until(&mut host, b"t00B108\rV\r", "t566488000000").expect("arrived");
     let answer = ask_truth(&mut truth);
     let motors = answer["motors"].as_array().expect("a list");
@@ -305,6 +306,8 @@ fn truth_client_that_never_reads_blocks_nobody() {
     let mut other = asker(&truth);
     assert_eq!(ask_truth(&mut other)["motors"].as_array().map(Vec::len), Some(7));
     let mut host = connect(&served);
+    host.write_all(b"O\r").expect("written");
+    read_to(&mut host, "\r");
     ask(&mut host);
     // Four may ask; the flood is one of them.
     let more: Vec<TcpStream> = (0..2).map(|_| asker(&truth)).collect();

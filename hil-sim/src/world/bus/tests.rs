@@ -165,7 +165,8 @@ impl Medium for Breaks {
 fn corrupted_frame_costs_an_error_frame_and_is_repeated() {
     let mut bus = bus(1..=1);
     bus.set_medium(Breaks { left: 2, at_bit: 17 });
-    let sent = frame(1, &[1, 2, 3]);
+    // No message: a board does not answer it.
+    let sent = frame(1, &[0x81, 2, 3]);
     bus.send(sent).expect("plugged");
     bus.run_until(1_000);
     let station = bus.stations().next().expect("there");
