@@ -102,11 +102,14 @@ fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
             // The spread's CT is the default: 169 counts, beyond its stop at 166.5.
             let counts = if node == SPREAD && cmd == CLOSE { 36_150 } else { finger };
             let wanted = f64::from(counts) * std::f64::consts::TAU / (4096.0 * ratio);
-            let (at, count) = (host.joint_rad(node), host.rad_per_count(node));
+            let at = host.joint_rad(node);
             println!(
                 "figure: CMD {cmd} of the BH8-282's host, node {node}: {wanted:.4} rad asked, {at:.4} rad of the joint"
             );
-            assert!((at - wanted).abs() <= count, "CMD {cmd}, node {node}: {at} of {wanted} rad");
+            assert!(
+                (at - wanted).abs() <= host.arrival_rad(node),
+                "CMD {cmd}, node {node}: {at} of {wanted} rad"
+            );
             let read = get(host, node, P);
             assert!(
                 (f64::from(read) - at * 4096.0 * ratio / std::f64::consts::TAU).abs() <= 600.0,

@@ -208,14 +208,13 @@ impl<S: Motorized> Api<'_, S> {
 
     /// Counts of the API against the plant's joint, from where IOFF 0 has put the zero: the open stop.
     fn is_at(&self, node: u16, counts: i32, what: &str) {
-        let (at, count) = (self.host.joint_rad(node), self.host.rad_per_count(node));
-        let wanted = f64::from(counts) / counts_per_rad(node);
+        let (at, wanted) = (self.host.joint_rad(node), f64::from(counts) / counts_per_rad(node));
         println!(
             "figure: {what} of Barrett's API, node {node}: {wanted:.4} rad asked, {at:.4} rad of the joint"
         );
         assert!(
-            (at - wanted).abs() <= count,
-            "{what}, node {node}: {at} of {wanted} rad, a count is {count}"
+            (at - wanted).abs() <= self.host.arrival_rad(node),
+            "{what}, node {node}: {at} of {wanted} rad"
         );
     }
 }

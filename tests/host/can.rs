@@ -33,8 +33,8 @@ const WIDE: [u8; 12] = [48, 50, 52, 54, 56, 58, 66, 68, 74, 88, 96, 98];
 pub struct Host<S: Station> {
     pub bus: Bus<S>,
     nodes: Vec<u16>,
-    /// Where each joint truly was when its board was at P 0, counts.
-    zeros: Vec<f64>,
+    /// Where each joint truly was when its board was at P 0: its rotor, and the count of its sensors.
+    zeros: Vec<(f64, i64)>,
 }
 
 fn id(number: u16) -> Id {
@@ -92,7 +92,7 @@ impl<S: Station> Host<S> {
     fn new(nodes: &[u16], boards: Vec<S>) -> Self {
         let mut bus = Bus::new(boards);
         bus.plug_host("host", Adapter::default()).expect("the first host");
-        let mut host = Self { bus, nodes: nodes.to_vec(), zeros: vec![0.0; nodes.len()] };
+        let mut host = Self { bus, nodes: nodes.to_vec(), zeros: vec![(0.0, 0); nodes.len()] };
         host.sleep_ms(200);
         host
     }
@@ -188,18 +188,31 @@ impl<S: Motorized> Host<S> {
             // The position frame, in either unit.
             assert_eq!(self.get(node, 48), 0, "node {node} after HI");
             let place = self.place(node);
-            self.zeros[place] = self.truth(node).counts;
+            let cell = self.bus.stations().nth(place).expect("as many as nodes").rig().hall_cell();
+            self.zeros[place] = (self.truth(node).counts, cell);
         }
     }
 
     /// Where the joint truly is, radians from the marked zero.
     pub fn joint_rad(&self, node: u16) -> f64 {
-        (self.truth(node).counts - self.zeros[self.place(node)]) * self.rad_per_count(node)
+        (self.truth(node).counts - self.zeros[self.place(node)].0) * self.rad_per_count(node)
     }
 
     /// The motor's true torque, at the joint behind a gear without loss.
     pub fn joint_torque_n_m(&self, node: u16) -> f64 {
         self.truth(node).torque_n_m * gear(node)
+    }
+
+    /// How many counts of its sensors the rotor has truly passed since the marked zero.
+    pub fn counts(&self, node: u16) -> i64 {
+        let place = self.place(node);
+        self.bus.stations().nth(place).expect("as many as nodes").rig().hall_cell() - self.zeros[place].1
+    }
+
+    /// How far a joint that has arrived may be from where it was sent: half a count that the goal is rounded by, and half a count at each
+    /// end, within which the rotor may stand.
+    pub fn arrival_rad(&self, node: u16) -> f64 {
+        1.5 * self.rad_per_count(node)
     }
 
     /// The angle of the joint between two hall counts.

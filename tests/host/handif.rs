@@ -34,8 +34,9 @@ impl<S: Motorized> Handif<S> {
         hand
     }
 
-    /// The input is flushed first.
+    /// It sleeps 10 ms between two commands, and flushes its input.
     fn command(&mut self, line: &str) -> String {
+        self.port.wait_ms(10);
         self.port.clear();
         self.port.write(format!("{line}\r").as_bytes());
         let text =

@@ -102,9 +102,11 @@ fn trapezoidal_move<S: Motorized>(
     host.set(GROUP, MODE, 5);
     wait_until_done(host, nodes, holds);
     for &node in nodes {
-        let (at, count) = (host.joint_rad(node), host.rad_per_count(node));
+        let at = host.joint_rad(node);
         println!("figure: libbarrett's {rad} rad of node {node} is {at:.4} rad of the joint");
-        assert!((at - rad).abs() <= count, "node {node}: {at} of {rad} rad, a count is {count}");
+        assert!((at - rad).abs() <= host.arrival_rad(node), "node {node}: {at} of {rad} rad");
+        let wanted = rad / host.rad_per_count(node);
+        assert!((host.counts(node) as f64 - wanted).abs() <= 1.0, "node {node}: {wanted} counts");
     }
 }
 

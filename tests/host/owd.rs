@@ -112,9 +112,9 @@ fn move_to<S: Motorized>(host: &mut Host<S>, nodes: &[u16], goals: &[f64]) {
     for (&node, &goal) in nodes.iter().zip(goals) {
         let read = host.get(node, P);
         assert!((read - encoder(node, goal)).abs() < NEAR, "node {node}: {read}");
-        let (at, count) = (host.joint_rad(node), host.rad_per_count(node));
+        let at = host.joint_rad(node);
         println!("figure: OWD's {goal} rad of node {node} is {at:.4} rad of the joint");
-        assert!((at - goal).abs() <= count, "node {node}: {at} of {goal} rad, a count is {count}");
+        assert!((at - goal).abs() <= host.arrival_rad(node), "node {node}: {at} of {goal} rad");
     }
 }
 
@@ -158,8 +158,8 @@ fn drives<S: Motorized>(host: &mut Host<S>, nodes: &[u16]) {
     set_up(host, fingers);
     wait(host, nodes);
     for &node in fingers {
-        let (at, count) = (host.joint_rad(node), host.rad_per_count(node));
-        assert!((at - 0.05).abs() <= count, "node {node}: {at} rad after its start");
+        let at = host.joint_rad(node);
+        assert!((at - 0.05).abs() <= host.arrival_rad(node), "node {node}: {at} rad after its start");
     }
     let goals: Vec<f64> =
         nodes.iter().map(|&node| if node == SPREAD { 1.5 } else { f64::from(node) * 0.1 }).collect();
