@@ -168,7 +168,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_GRPA = 26,
     /*
-     second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, none for 11 to 17
+     second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, 7 for 11 to 17 as in Barrett's hands
      */
     WRAPTOR_PROPERTY_GRPB = 27,
     /*
@@ -252,31 +252,31 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_MOV = 47,
     /*
-     position; set in idle it says what the present position is called, in mode 3 where to go; GET is answered by the 22-bit position frame; unit: counts
+     position; set in idle it says what the present position is called, in mode 3 where to go; within the goals of KIND; GET is answered by the 22-bit position frame; unit: counts
      */
     WRAPTOR_PROPERTY_P = 48,
     /*
-     default position: where CMD M goes; unit: counts
+     default position: where CMD M goes; ends at the goals of KIND; unit: counts
      */
     WRAPTOR_PROPERTY_DP = 50,
     /*
-     where a trapezoidal move ends; during a move it re-plans; unit: counts
+     where a trapezoidal move ends; during a move it re-plans; beyond the goals of KIND it is refused; unit: counts
      */
     WRAPTOR_PROPERTY_E = 52,
     /*
-     open target: where CMD O goes; unit: counts
+     open target: where CMD O goes; ends at the goals of KIND; unit: counts
      */
     WRAPTOR_PROPERTY_OT = 54,
     /*
-     close target: where CMD C goes; unit: counts
+     close target: where CMD C goes; ends at the goals of KIND; unit: counts
      */
     WRAPTOR_PROPERTY_CT = 56,
     /*
-     E and a move to it in one; HOLD says how it ends; unit: counts
+     E and a move to it in one, HOLD says how it ends; beyond the goals of KIND it is refused; unit: counts
      */
     WRAPTOR_PROPERTY_M = 58,
     /*
-     default step of CMD IC and IO; unit: counts
+     default step of CMD IC and IO, which end at the goals of KIND; unit: counts
      */
     WRAPTOR_PROPERTY_DS = 60,
     /*
@@ -300,11 +300,11 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_PIDX = 70,
     /*
-     strain above which a move ends; 255 and 256 disable
+     strain above which a move ends; 0, 255 and 256 disable
      */
     WRAPTOR_PROPERTY_HSG = 71,
     /*
-     strain below which a move ends; 255 and 256 disable
+     strain below which a move ends; 0, 255 and 256 disable
      */
     WRAPTOR_PROPERTY_LSG = 72,
     /*
@@ -312,7 +312,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_IVEL = 73,
     /*
-     way from the stop to zero in HI; unit: counts
+     way from the stop to zero in HI; at most the joint's width and 8 in either direction; unit: counts
      */
     WRAPTOR_PROPERTY_IOFF = 74,
     /*
@@ -416,7 +416,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_HOSTMS = 119,
     /*
-     kind of motor: 1 link, 2 spread, 3 tip; by the straps, or without straps by the node, until set; a new one counts from the next start on
+     kind of motor: 1 link, 2 spread, 3 tip; goals are -33 to 346, -8 to 174, -166 to 358; by the straps, or without straps by the node, until set; a new one counts from the next start on
      */
     WRAPTOR_PROPERTY_KIND = 120,
     /*
@@ -443,6 +443,10 @@ typedef enum wraptor_property {
      motor model: electrical time constant; unit: us
      */
     WRAPTOR_PROPERTY_MTE = 126,
+    /*
+     units of values on the bus: 0 those of this table; 280 those of a BH8-280, for its hosts (decision 0070); nothing between
+     */
+    WRAPTOR_PROPERTY_HOSTUNITS = 127,
 } wraptor_property;
 
 /*

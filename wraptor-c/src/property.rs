@@ -48,7 +48,7 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_SG = 25,
     /// first group listened to; group 0 is always heard
     WRAPTOR_PROPERTY_GRPA = 26,
-    /// second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, none for 11 to 17
+    /// second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, 7 for 11 to 17 as in Barrett's hands
     WRAPTOR_PROPERTY_GRPB = 27,
     /// third group listened to: 4, or 5 for nodes 11 to 17
     WRAPTOR_PROPERTY_GRPC = 28,
@@ -90,19 +90,19 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_MCV = 46,
     /// cruise velocity when opening; unit: counts/s
     WRAPTOR_PROPERTY_MOV = 47,
-    /// position; set in idle it says what the present position is called, in mode 3 where to go; GET is answered by the 22-bit position frame; unit: counts
+    /// position; set in idle it says what the present position is called, in mode 3 where to go; within the goals of KIND; GET is answered by the 22-bit position frame; unit: counts
     WRAPTOR_PROPERTY_P = 48,
-    /// default position: where CMD M goes; unit: counts
+    /// default position: where CMD M goes; ends at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_DP = 50,
-    /// where a trapezoidal move ends; during a move it re-plans; unit: counts
+    /// where a trapezoidal move ends; during a move it re-plans; beyond the goals of KIND it is refused; unit: counts
     WRAPTOR_PROPERTY_E = 52,
-    /// open target: where CMD O goes; unit: counts
+    /// open target: where CMD O goes; ends at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_OT = 54,
-    /// close target: where CMD C goes; unit: counts
+    /// close target: where CMD C goes; ends at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_CT = 56,
-    /// E and a move to it in one; HOLD says how it ends; unit: counts
+    /// E and a move to it in one, HOLD says how it ends; beyond the goals of KIND it is refused; unit: counts
     WRAPTOR_PROPERTY_M = 58,
-    /// default step of CMD IC and IO; unit: counts
+    /// default step of CMD IC and IO, which end at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_DS = 60,
     /// time with power on, ever; unit: s
     WRAPTOR_PROPERTY_UPSECS = 63,
@@ -114,13 +114,13 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_CTS = 68,
     /// the board's slot in packed-torque frames
     WRAPTOR_PROPERTY_PIDX = 70,
-    /// strain above which a move ends; 255 and 256 disable
+    /// strain above which a move ends; 0, 255 and 256 disable
     WRAPTOR_PROPERTY_HSG = 71,
-    /// strain below which a move ends; 255 and 256 disable
+    /// strain below which a move ends; 0, 255 and 256 disable
     WRAPTOR_PROPERTY_LSG = 72,
     /// velocity towards the stop in HI (tips home on their closed stop); unit: counts/s
     WRAPTOR_PROPERTY_IVEL = 73,
-    /// way from the stop to zero in HI; unit: counts
+    /// way from the stop to zero in HI; at most the joint's width and 8 in either direction; unit: counts
     WRAPTOR_PROPERTY_IOFF = 74,
     /// arrival window; unit: counts
     WRAPTOR_PROPERTY_MPE = 76,
@@ -172,7 +172,7 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_WIRING = 118,
     /// in mode 2 or 4 set by a host, no frame to this board or its groups for this long ends the motion with ERROR 7; 0 never; unit: ms
     WRAPTOR_PROPERTY_HOSTMS = 119,
-    /// kind of motor: 1 link, 2 spread, 3 tip; by the straps, or without straps by the node, until set; a new one counts from the next start on
+    /// kind of motor: 1 link, 2 spread, 3 tip; goals are -33 to 346, -8 to 174, -166 to 358; by the straps, or without straps by the node, until set; a new one counts from the next start on
     WRAPTOR_PROPERTY_KIND = 120,
     /// V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended; unit: counts/s
     WRAPTOR_PROPERTY_VSET = 121,
@@ -186,6 +186,8 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_MFS = 125,
     /// motor model: electrical time constant; unit: us
     WRAPTOR_PROPERTY_MTE = 126,
+    /// units of values on the bus: 0 those of this table; 280 those of a BH8-280, for its hosts (decision 0070); nothing between
+    WRAPTOR_PROPERTY_HOSTUNITS = 127,
 }
 
 /// A value of WRAPTOR_PROPERTY_MODE.

@@ -122,7 +122,11 @@ fn wrong_places_are_errors_with_cause_and_next_step() {
     for (number, (found, expected)) in outcomes.into_iter().enumerate() {
         assert_eq!(found, expected, "{number}");
     }
-    assert!(text().contains("127.0.0.1:1: nothing listens there\n  next: "), "{}", text());
+    assert!(
+        text().contains("127.0.0.1:1: no adapter can be reached: nothing listens there\n  next: "),
+        "{}",
+        text()
+    );
 }
 
 #[test]

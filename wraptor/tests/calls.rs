@@ -193,7 +193,7 @@ fn cancel_ends_a_move_of_fingers_and_soon_a_call_to_a_silent_hand() {
     let served = Served::hand();
     let mut hand = Hand::connect(served.place("gcl"), HANGS).expect("connected");
     let canceller = hand.canceller();
-    let cancelled = hand.move_halls("4", 200, HANGS, &mut |_| {
+    let cancelled = hand.move_halls("4", 160, HANGS, &mut |_| {
         canceller.cancel().expect("sent");
         ControlFlow::Continue(())
     });

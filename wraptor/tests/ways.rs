@@ -174,7 +174,7 @@ fn hand_whose_god_runs_is_in_use_by_can() {
 #[test]
 fn place_by_can_is_an_interface_an_address_or_a_port() {
     let cause = |place: &str| Connect::can(place).connect(HANGS).map(drop).expect_err("there is none").cause;
-    assert!(matches!(cause("127.0.0.1:1"), Cause::NothingListens));
+    assert!(matches!(cause("127.0.0.1:1"), Cause::NoAdapter(_)));
     assert!(matches!(cause("/dev/no-such-port"), Cause::NoSuchPort(_)));
     assert!(matches!(cause("/dev/no-such-port@fast"), Cause::BadAddress(_)));
     #[cfg(target_os = "linux")]
