@@ -96,7 +96,7 @@ const BROKEN: &[(&[u8], &str)] = &[
     (b"\x04\x26\x04\x85\x00\x02\x00", "|ERR 128|=> "),
     // No data, an unknown property, a board that is not there: frames that nobody answers.
     (b"\x00\x01\x00", ""),
-    (b"\x00\x01\x01\x7F", ""),
+    (b"\x00\x01\x01\x71", ""),
     (b"\x00\x1F\x01\x05", ""),
     // Not at the start of a line: a line with control characters.
     (b"C\x00\x01\x01\x05\x7F\r", "C\x08 \x08|ERR 128|=> "),
