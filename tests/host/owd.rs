@@ -128,9 +128,10 @@ fn velocity<S: Motorized>(host: &mut Host<S>, nodes: &[u16], rad_per_s: f64) {
     host.sleep_ms(1000);
     for (&node, from) in nodes.iter().zip(from) {
         let speed = host.joint_rad(node) - from;
-        // Whole counts/ms: of the spread only every 0.09 rad/s.
+        // Whole counts/ms: of the spread only every 0.09 rad/s. The board has whole hall counts/s.
         let sent = f64::from(encoder(node, rad_per_s) / 1000) * 1000.0 / f64::from(encoder(node, 1.0));
-        assert!((speed / sent - 1.0).abs() <= 0.03, "node {node}: {speed} of {sent} rad/s");
+        let most = 0.03 * sent.abs() + 0.5 * host.rad_per_count(node);
+        assert!((speed - sent).abs() <= most, "node {node}: {speed} of {sent} rad/s");
     }
     host.clear();
     host.set(GROUP, MODE, 0);
@@ -203,7 +204,8 @@ fn goals_in_foreign_units_are_refused<S: Motorized>(host: &mut Host<S>, nodes: &
         host.set(to, MODE, 5);
         host.sleep_ms(1000);
         host.clear();
-        assert_eq!((host.get(finger, MODE), host.get(finger, END)), (0, 3), "E {goal}");
+        // It holds where its first move of MODE 5 has ended.
+        assert_eq!((host.get(finger, MODE), host.get(finger, END)), (3, 3), "E {goal}");
         let moved = host.joint_rad(finger) - before;
         assert!(moved.abs() < host.rad_per_count(finger), "E {goal}: moved by {moved} rad");
     }
