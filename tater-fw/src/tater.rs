@@ -355,10 +355,7 @@ impl<B: Board> Tater<B> {
             self.lock.interrupt();
         }
         let property = Property::of(number).ok_or(SetError::Unknown)?;
-        let mut value = property.read(value);
-        if self.has_foreign_units() {
-            value = host_units::to_board(property, self.kind, value);
-        }
+        let value = self.from_host(property, property.read(value));
         self.set(property, value)?;
         if !matches!(property, Property::T | Property::V | Property::LOCK) {
             // Every property's range is within 32 bits.
@@ -371,11 +368,15 @@ impl<B: Board> Tater<B> {
     fn set_torques(&mut self, torques: Torques) -> Result<(), SetError> {
         self.lock.interrupt();
         let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
-        let mut torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
-        if self.has_foreign_units() {
-            torque = narrow(host_units::to_board(Property::T, self.kind, torque.into()))?;
-        }
+        let torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
+        let torque = narrow(self.from_host(Property::T, torque.into()))?;
         self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
+    }
+
+    /// A value from the bus in the board's own units.
+    #[inline(never)]
+    fn from_host(&self, property: Property, value: i64) -> i64 {
+        if self.has_foreign_units() { host_units::to_board(property, self.kind, value) } else { value }
     }
 
     /// Values on the bus are a BH8-280's.

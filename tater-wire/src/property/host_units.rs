@@ -17,11 +17,10 @@ pub const OWN: i64 = 0;
 /// The value of HOSTUNITS for those of a BH8-280.
 pub const BH8_280: i64 = 280;
 
-/// How a property's values are translated.
+/// How a property's values are translated: first those with a row in [`SCALES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 enum Unit {
-    /// The same on both sides.
-    Own,
     /// Encoder counts, for hall counts.
     Counts,
     /// Encoder counts/ms, for hall counts/s.
@@ -34,16 +33,18 @@ enum Unit {
     Kd,
     /// Whole °C or V, for tenths.
     Tenths,
-    /// A converter's reading with zero in its middle, for mA.
-    Centered,
     /// 12 bits, for 8.
     Strain,
     /// Encoder counts of one revolution, for hall counts of it.
     Revolution,
+    /// A converter's reading with zero in its middle, for mA.
+    Centered,
     /// 1/256 encoder count/ms², for (ACCEL/1024)² hall counts/ms².
     Accel,
     /// [`IPNM`].
     PerNewtonMeter,
+    /// The same on both sides.
+    Own,
 }
 
 /// A property whose unit on the wire follows HOSTUNITS.
@@ -64,13 +65,12 @@ macro_rules! host_units {
             $(HostUnit { property: Property::$name, theirs: $theirs, source: $source },)*
         ];
 
-        // A match, so that a board links no texts.
-        const fn unit(property: Property) -> Unit {
-            match property {
-                $(Property::$name => Unit::$unit,)*
-                _ => Unit::Own,
-            }
-        }
+        /// By number, without the texts, which a board does not link.
+        static UNITS: [Unit; 128] = {
+            let mut units = [Unit::Own; 128];
+            $(units[Property::$name.id() as usize] = Unit::$unit;)*
+            units
+        };
     };
 }
 
@@ -113,8 +113,12 @@ host_units! {
     IPNM = PerNewtonMeter, "20000", "btutil, pyHand, API: default";
 }
 
+fn unit(property: Property) -> Unit {
+    UNITS.get(usize::from(property.id())).copied().unwrap_or(Unit::Own)
+}
+
 /// IPNM of a BH8-280, units of T a N·m at its motor.
-const IPNM: i64 = 20_000;
+const IPNM: i32 = 20_000;
 
 /// Encoder counts of a revolution of its motor.
 const CTS: u64 = 4096;
@@ -128,143 +132,163 @@ const fn gear_hundredths(kind: MotorKind) -> u64 {
     }
 }
 
-/// A factor and its inverse with [`FRACTION`] fractional bits.
-#[derive(Clone, Copy)]
+/// A factor with [`TO_HOST`] fractional bits, and its inverse with [`TO_BOARD`].
 struct Scale {
-    to_host: i64,
-    to_board: i64,
+    to_host: i32,
+    to_board: i32,
 }
 
-impl Scale {
-    const ONE: Self = Self::of(1, 1);
+/// Fractional bits of the factors 0.1 to 728.
+const TO_HOST: u32 = 20;
 
+/// Fractional bits of the factors 0.0014 to 10.
+const TO_BOARD: u32 = 27;
+
+impl Scale {
     /// `host` units there are `board` units here.
     const fn of(host: u64, board: u64) -> Self {
-        Self { to_host: Self::quotient(host, board), to_board: Self::quotient(board, host) }
+        Self {
+            to_host: Self::quotient(host, board, TO_HOST),
+            to_board: Self::quotient(board, host, TO_BOARD),
+        }
     }
 
-    const fn quotient(numerator: u64, denominator: u64) -> i64 {
-        let (numerator, denominator) = ((numerator as u128) << FRACTION, denominator as u128);
-        ((numerator + denominator / 2) / denominator) as i64
+    /// Rounded; wraps in a direction that no value takes.
+    const fn quotient(numerator: u64, denominator: u64, shift: u32) -> i32 {
+        let (numerator, denominator) = ((numerator as u128) << shift, denominator as u128);
+        ((numerator + denominator / 2) / denominator) as i32
     }
 
     const fn between(unit: Unit, kind: MotorKind) -> Self {
         let (theirs, ours) = (gear_hundredths(kind), kind.gear_hundredths() as u64);
         let rev = MotorKind::COUNTS_PER_TURN as u64;
+        let is_spread = matches!(kind, MotorKind::Spread);
         match unit {
             // A turn of the joint.
             Unit::Counts => Self::of(theirs * CTS, ours * rev),
             Unit::CountsPerMs => Self::of(theirs * CTS, 1000 * ours * rev),
             // A N·m at the joint: IPNM / ratio of each.
             Unit::Current => Self::of(IPNM as u64 * ours, Property::IPNM.rules().max() as u64 * theirs),
-            Unit::Kp => Self::of(if matches!(kind, MotorKind::Spread) { 1000 } else { 500 }, 120),
-            Unit::Kd => Self::of(if matches!(kind, MotorKind::Spread) { 10_000 } else { 2500 }, 640),
-            Unit::Tenths | Unit::Centered => Self::of(1, 10),
-            Unit::Strain => Self::of(16, 1),
-            Unit::Revolution => Self::of(CTS, rev),
-            Unit::Own | Unit::Accel | Unit::PerNewtonMeter => Self::ONE,
+            Unit::Kp => Self::of(if is_spread { 1000 } else { 500 }, 120),
+            Unit::Kd => Self::of(if is_spread { 10_000 } else { 2500 }, 640),
+            _ => Self::of(1, 1),
         }
     }
 
-    /// The scale of a unit, computed at build time.
-    const fn get(unit: Unit, kind: MotorKind) -> Self {
-        macro_rules! kinds {
-            ($unit:ident) => {
-                match kind {
-                    MotorKind::Link => const { Self::between(Unit::$unit, MotorKind::Link) },
-                    MotorKind::Spread => const { Self::between(Unit::$unit, MotorKind::Spread) },
-                    MotorKind::Tip => const { Self::between(Unit::$unit, MotorKind::Tip) },
-                }
-            };
-        }
-        match unit {
-            Unit::Counts | Unit::Accel => kinds!(Counts),
-            Unit::CountsPerMs => kinds!(CountsPerMs),
-            Unit::Current => kinds!(Current),
-            Unit::Kp => kinds!(Kp),
-            Unit::Kd => kinds!(Kd),
-            Unit::Tenths | Unit::Centered => const { Self::between(Unit::Tenths, MotorKind::Link) },
-            Unit::Strain => const { Self::between(Unit::Strain, MotorKind::Link) },
-            Unit::Revolution => const { Self::between(Unit::Revolution, MotorKind::Link) },
-            Unit::Own | Unit::PerNewtonMeter => Self::ONE,
-        }
+    const fn of_kinds(unit: Unit) -> [Self; 3] {
+        [
+            Self::between(unit, MotorKind::Link),
+            Self::between(unit, MotorKind::Spread),
+            Self::between(unit, MotorKind::Tip),
+        ]
+    }
+
+    /// Of a unit with a row.
+    fn get(unit: Unit, kind: MotorKind) -> Option<&'static Self> {
+        // KIND counts from 1.
+        SCALES.get(unit as usize)?.get(usize::from(kind.code()).wrapping_sub(1))
     }
 }
 
-/// Beyond any value that has a meaning in any unit, and still refused after translation; a product with a factor fits 64 bits.
-const LIMIT: i64 = 1 << 26;
+const TENTH: i32 = Scale::of(1, 10).to_host;
+const REVOLUTION: i32 = Scale::of(CTS, MotorKind::COUNTS_PER_TURN as u64).to_host;
+
+/// By unit and by kind of motor.
+static SCALES: [[Scale; 3]; 5] = [
+    Scale::of_kinds(Unit::Counts),
+    Scale::of_kinds(Unit::CountsPerMs),
+    Scale::of_kinds(Unit::Current),
+    Scale::of_kinds(Unit::Kp),
+    Scale::of_kinds(Unit::Kd),
+];
 
 /// The product, rounded to the nearest multiple of 2^`shift`, of which it is the number.
-fn product(value: i64, factor: i64, shift: u32) -> i64 {
-    (value.clamp(-LIMIT, LIMIT) * factor + (1 << (shift - 1))) >> shift
+const fn product(value: i32, factor: i32, shift: u32) -> i64 {
+    (value as i64 * factor as i64 + (1 << (shift - 1))) >> shift
 }
 
-/// Fractional bits of a [`Scale`].
-const FRACTION: u32 = 32;
-
 /// OTEMP that disables the limit, here and there.
-const NO_LIMIT: (i64, i64) = (-551, -55);
+const NO_LIMIT: (i64, i32) = (-551, -55);
 
 /// The reading of IMOTOR without a current.
-const CENTER: i64 = 2048;
+const CENTER: i32 = 2048;
+
+/// The value of HSG and LSG that no strain reaches.
+const STRAIN_OFF: i64 = Property::HSG.rules().max();
 
 /// Largest position that its 22-bit frame holds.
-const FARTHEST: i64 = (1 << 21) - 1;
+const FARTHEST: i32 = (1 << 21) - 1;
 
 /// Largest ACCEL, there and here.
-const MOST_ACCEL: i64 = 65_535;
+const MOST_ACCEL: i32 = 65_535;
 
 /// A board's value in the units of a BH8-280.
 #[must_use]
+#[inline(never)]
 pub fn to_host(property: Property, kind: MotorKind, value: i64) -> i64 {
+    // Of what has another unit nothing is beyond 32 bits.
+    let Ok(ours) = i32::try_from(value) else { return value };
     let unit = unit(property);
-    let factor = Scale::get(unit, kind).to_host;
-    let scaled = |value| product(value, factor, FRACTION);
-    match unit {
-        Unit::Own => value,
-        Unit::PerNewtonMeter => IPNM,
-        // 256 (ACCEL / 1024)² = ACCEL² / 2^12. Above 1448 it is beyond 16 bits of theirs on every joint.
-        Unit::Accel => product((value * value).min(1 << 21), factor, FRACTION + 12).min(MOST_ACCEL),
-        Unit::Centered => CENTER + scaled(value),
-        Unit::Counts => scaled(value).clamp(-FARTHEST, FARTHEST),
-        _ => scaled(value),
-    }
+    let by_joint = |row| Scale::get(row, kind).map_or(0, |scale| scale.to_host);
+    let (ours, factor, shift) = match unit {
+        Unit::Own => return value,
+        Unit::PerNewtonMeter => return IPNM.into(),
+        Unit::Centered => (ours + 10 * CENTER, TENTH, TO_HOST),
+        Unit::Tenths => (ours, TENTH, TO_HOST),
+        Unit::Strain => (ours, 16 << TO_HOST, TO_HOST),
+        Unit::Revolution => (ours, REVOLUTION, TO_HOST),
+        // 256 (ACCEL / 1024)² = ACCEL² / 2^12. Above 2^11 it is beyond 16 bits of theirs on every joint.
+        Unit::Accel => (ours.min(1 << 11) * ours.min(1 << 11), by_joint(Unit::Counts), TO_HOST + 12),
+        Unit::Counts | Unit::CountsPerMs | Unit::Current | Unit::Kp | Unit::Kd => {
+            (ours, by_joint(unit), TO_HOST)
+        }
+    };
+    let most = if unit == Unit::Accel { MOST_ACCEL } else { FARTHEST };
+    // Of the others only a position comes near it.
+    product(ours, factor, shift).clamp(-i64::from(FARTHEST), most.into())
 }
 
 /// A value in the units of a BH8-280 as the board's own, rounded to the nearest. One that does not fit the board is out of the
 /// property's range.
 #[must_use]
+#[inline(never)]
 pub fn to_board(property: Property, kind: MotorKind, value: i64) -> i64 {
-    let unit = unit(property);
-    let factor = Scale::get(unit, kind).to_board;
-    let scaled = product(value, factor, FRACTION);
-    let min = property.rules().min();
-    match unit {
-        Unit::Own => value,
-        // Would round to 0.
-        _ if value < 0 && min == 0 => value,
-        Unit::Accel if value > MOST_ACCEL => value << 12,
-        // The inverse of the above: the square root of 2^12 of theirs.
-        Unit::Accel => root(product(value, factor, FRACTION - 12)),
-        Unit::Tenths if value == NO_LIMIT.1 => NO_LIMIT.0,
+    let Ok(theirs) = i32::try_from(value) else { return value };
+    let (unit, min) = (unit(property), property.rules().min());
+    if theirs < 0 && min == 0 {
+        // A small one would round to 0.
+        return value;
+    }
+    let (shift, row) = match unit {
+        Unit::Tenths if theirs == NO_LIMIT.1 => return NO_LIMIT.0,
+        Unit::Tenths => return value * 10,
         // Up, so that 1 does not become 0, which disables. Beyond the gauge's range nothing ends a move.
-        Unit::Strain => ((value + 15) >> 4).min(Property::HSG.rules().max()),
+        Unit::Strain => return i64::from((theirs >> 4) + i32::from(theirs & 15 != 0)).min(STRAIN_OFF),
+        Unit::Accel if theirs > MOST_ACCEL => return i64::MAX,
+        // The inverse of the above: the square root of 2^12 of theirs.
+        Unit::Accel => (TO_BOARD - 12, Unit::Counts),
+        _ => (TO_BOARD, unit),
+    };
+    let Some(scale) = Scale::get(row, kind) else { return value };
+    let scaled = product(theirs, scale.to_board, shift);
+    match unit {
+        Unit::Accel => root(scaled as u32).into(),
         // Slower moves do not exist, and a refusal would leave a faster one in force.
-        Unit::CountsPerMs if value > 0 => scaled.max(min),
+        Unit::CountsPerMs if theirs > 0 => scaled.max(min),
         _ => scaled,
     }
 }
 
-/// The nearest integer to the square root, for values below 2^32; 0 of negative ones.
-fn root(square: i64) -> i64 {
-    let mut root = 0;
+/// The nearest integer to the square root, for 0 to 2^31.
+fn root(square: u32) -> u32 {
+    let mut root = 0_u32;
     for bit in (0..16).rev() {
         let next = root | 1 << bit;
         if next * next <= square {
             root = next;
         }
     }
-    root + i64::from(square > root * root + root)
+    root + u32::from(square > root * root + root)
 }
 
 #[cfg(test)]
@@ -319,10 +343,10 @@ mod tests {
                 for ours in values.filter(|&value| rules.admits(value)) {
                     let theirs = to_host(row.property, kind, ours);
                     let is_beyond = match unit(row.property) {
-                        Unit::Counts => theirs.abs() == FARTHEST,
-                        Unit::Accel => theirs == MOST_ACCEL,
+                        Unit::Counts => theirs.abs() == i64::from(FARTHEST),
+                        Unit::Accel => theirs == i64::from(MOST_ACCEL),
                         // Read only.
-                        Unit::Centered | Unit::PerNewtonMeter => true,
+                        Unit::Centered | Unit::PerNewtonMeter | Unit::Revolution => true,
                         _ => false,
                     };
                     let again = to_host(row.property, kind, to_board(row.property, kind, theirs));
@@ -399,7 +423,7 @@ mod tests {
     /// Every property of Barrett's table in a unit that a motor's gears, its current or a converter decides.
     #[test]
     fn properties_without_a_row_have_no_unit_of_their_own() {
-        let plain = ["-", "bits", "code", "id", "ms", "s", "us", "ADC", "1000 counts"];
+        let plain = ["-", "bits", "code", "id", "ms", "s", "us", "ADC", "revolutions"];
         let gains = [Property::KI, Property::KPV, Property::MKA, Property::MKE, Property::MFC, Property::MFS];
         let missing: Vec<Property> = crate::property::ROWS
             .iter()
