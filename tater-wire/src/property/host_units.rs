@@ -338,7 +338,7 @@ mod tests {
         for kind in KINDS {
             for row in ROWS {
                 let rules = row.property.rules();
-                let steps = (rules.max() - rules.min()).min(3000).max(1);
+                let steps = (rules.max() - rules.min()).clamp(1, 3000);
                 let values = (0..=steps).map(|step| rules.min() + (rules.max() - rules.min()) * step / steps);
                 for ours in values.filter(|&value| rules.admits(value)) {
                     let theirs = to_host(row.property, kind, ours);
