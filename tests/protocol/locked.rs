@@ -40,7 +40,7 @@ fn only_table_properties_answer_and_only_storage_writes_flash() {
         for frame in frames(to) {
             let _ = bench.send(&frame);
             for message in bench.said() {
-                let &[asked] = frame.data() else { panic!("{frame:?} is answered by {message:?}") };
+                let &[asked, ..] = frame.data() else { panic!("{frame:?} is answered by {message:?}") };
                 let Some(property) = Property::of(asked) else {
                     let Body::Set { value: Value::Short(0) | Value::Long(0), .. } = message.body else {
                         panic!("{frame:?} is answered by {message:?}")
@@ -84,7 +84,7 @@ fn number_without_a_row_has_no_effect() {
                 continue;
             };
             // A GET of a number of Barrett's reads 0.
-            let answers = frame.data() == [id] && id < barrett::BARRETTS;
+            let answers = id < barrett::BARRETTS;
             assert_eq!(bench.send(&frame).is_ok(), answers, "{frame:?}");
             assert_eq!(bench.said().len(), usize::from(answers), "{frame:?}");
         }
