@@ -42,7 +42,7 @@
 //! longest complete record a page has room for 385 half-words.
 //!
 //! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 52 x 8 = 416
-//!   half-words, a page and a twelfth, 680 erases a page. Saved by one command it is a quarter.
+//!   half-words, a page and a twelfth, 660 erases a page. Saved by one command it is a quarter.
 //! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,740 erases a page. OD is stored along with
 //!   it, and each 450 revolutions in between. Moving all the time as fast as a finger can (500 counts/s) is 21 million more,
 //!   8,700 erases a page together. PTEMP only rises: 1,250 half-words in its life.
