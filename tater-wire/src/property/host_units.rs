@@ -66,6 +66,7 @@ macro_rules! host_units {
         ];
 
         /// By number, without the texts, which a board does not link.
+        #[allow(clippy::indexing_slicing, reason = "evaluated by the compiler, which refuses a number beyond 127")]
         static UNITS: [Unit; 128] = {
             let mut units = [Unit::Own; 128];
             $(units[Property::$name.id() as usize] = Unit::$unit;)*
