@@ -355,7 +355,7 @@ impl<B: Board> Tater<B> {
             self.lock.interrupt();
         }
         let property = Property::of(number).ok_or(SetError::Unknown)?;
-        let value = self.from_host(property, property.read(value));
+        let value = self.host_value(property, property.read(value));
         self.set(property, value)?;
         if !matches!(property, Property::T | Property::V | Property::LOCK) {
             // Every property's range is within 32 bits.
@@ -369,13 +369,13 @@ impl<B: Board> Tater<B> {
         self.lock.interrupt();
         let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
         let torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
-        let torque = narrow(self.from_host(Property::T, torque.into()))?;
+        let torque = narrow(self.host_value(Property::T, torque.into()))?;
         self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
     }
 
     /// A value from the bus in the board's own units.
     #[inline(never)]
-    fn from_host(&self, property: Property, value: i64) -> i64 {
+    fn host_value(&self, property: Property, value: i64) -> i64 {
         if self.has_foreign_units() { host_units::to_board(property, self.kind, value) } else { value }
     }
 
