@@ -122,8 +122,9 @@ fn drives<S: Motorized>(mut hand: Handif<S>) {
             block = hand.realtime(&[b'C', velocity_byte, 100, velocity_byte, 100, velocity_byte, 100], 9);
         }
         let seconds = (hand.port.hand.now_us() - begin_us) as f64 * 1e-6;
-        for finger in 0..3 {
-            let (at, moved) = (hand.port.gcl(finger + 1), hand.port.gcl(finger + 1) - before[finger]);
+        for (finger, before) in before.iter().enumerate() {
+            let at = hand.port.gcl(finger + 1);
+            let moved = at - before;
             let wanted = 55.0 * f64::from(velocity) * seconds;
             // The first block's start and the last one's end; the joint's stop.
             assert!(

@@ -34,7 +34,7 @@ const HI: i32 = 13;
 const NEAR: i32 = 600;
 
 fn encoder(node: u16, rad: f64) -> i32 {
-    let degrees = rad * 180.0 / 3.1416;
+    let degrees = rad.to_degrees();
     if node == SPREAD { (degrees / 180.0 * 35_840.0) as i32 } else { (degrees / 140.0 * 199_111.1) as i32 }
 }
 

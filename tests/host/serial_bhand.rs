@@ -43,7 +43,7 @@ impl<S: Motorized> Connect<S> {
         let lines = self.read_lines();
         let has_letters = |line: &String| line.chars().any(|character| character.is_ascii_alphabetic());
         let has_digits = |line: &String| line.chars().any(|character| character.is_ascii_digit());
-        let number = lines.iter().filter(|line| !has_letters(line) && has_digits(line)).next_back();
+        let number = lines.iter().rfind(|line| !has_letters(line) && has_digits(line));
         let number = number.unwrap_or_else(|| panic!("{line}: {lines:?}"));
         number.trim().parse().unwrap_or_else(|_| panic!("{line}: {lines:?}"))
     }

@@ -197,12 +197,15 @@ fn e_then_mode_5_moves() {
     assert_eq!(host.get(1, Property::P), Some(0), "the others have not moved");
 }
 
+/// Orders a move of a node to a position.
+type Order = fn(&mut Host, u8, i64);
+
 /// The walk-through's step 11, and hosts that read mode 0 as done.
 #[test]
 fn move_that_mode_5_orders_ends_in_mode_3_and_any_other_as_hold_says() {
     for node in [1, 4, 5] {
         let mut host = Host::awake([node]);
-        let orders: [(&str, fn(&mut Host, u8, i64)); 4] = [
+        let orders: [(&str, Order); 4] = [
             ("MODE 5", |host, node, end| {
                 host.set(to(node), Property::E, end);
                 host.set(to(node), Property::MODE, 5);

@@ -255,8 +255,11 @@ fn move_arrives_then_holds_or_idles_by_hold() {
     }
 }
 
-/// The ends of a motion, each brought about.
-const ENDS: [(EndReason, fn(&mut Bench)); 6] = [
+/// Brings about the end of a motion.
+type Cause = fn(&mut Bench);
+
+/// The ends of a motion.
+const ENDS: [(EndReason, Cause); 6] = [
     (EndReason::Arrived, |_| ()),
     (EndReason::Stalled, |_| ()),
     (EndReason::Strain, |bench| bench.strain = 250),
@@ -266,7 +269,7 @@ const ENDS: [(EndReason, fn(&mut Bench)); 6] = [
 ];
 
 /// Orders a move to 60 and brings about its end, once it is under way. Returns the mode after it.
-fn mode_after(orders: &[Command], hold: bool, (reason, cause): (EndReason, fn(&mut Bench))) -> Mode {
+fn mode_after(orders: &[Command], hold: bool, (reason, cause): (EndReason, Cause)) -> Mode {
     let mut bench = Bench::new(Joint::Link);
     let (hsg, bt) = (200, if reason == EndReason::Breakaway { 150 } else { 0 });
     let config = Config { hold, hsg, bt, ..Joint::Link.config() };
