@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use servo_core::guard::fault::LimitCause;
 use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
-use tater_wire::{MotorKind, Property};
+use tater_wire::{Cmd, MotorKind, Property};
 
 use crate::experiment::torture::case::{World, kind};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
@@ -139,6 +139,11 @@ pub enum Orderer {
     Unknown,
 }
 
+/// Whether a value of CMD begins or ends a motion; LOAD, SAVE, RESET and DEF do neither.
+fn moves(cmd: i32) -> bool {
+    !matches!(Cmd::of(cmd.into()), Some(Cmd::Load | Cmd::Save | Cmd::Reset | Cmd::Def))
+}
+
 impl Orderer {
     /// The one after an order, given in mode `before`.
     pub fn after(self, property: Property, value: i32, before: Mode) -> Self {
@@ -146,7 +151,8 @@ impl Orderer {
             Property::MODE if value != 5 => Self::Other,
             Property::MODE if before != Mode::Trapezoidal || self == Self::Mode => Self::Mode,
             Property::MODE => Self::Unknown,
-            Property::CMD | Property::M | Property::FIND => Self::Other,
+            Property::CMD if moves(value) => Self::Other,
+            Property::M | Property::FIND => Self::Other,
             _ => self,
         }
     }
