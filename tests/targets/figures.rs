@@ -8,7 +8,7 @@ use servo_core::EndReason;
 use tater_wire::Property;
 
 use super::optimum::optimum_ms;
-use super::rig::{KINDS, Motor, Setup, plants};
+use super::rig::{KINDS, Motor, Setup, plants, travel};
 
 /// A figure of the nominal motor, and its distribution over the plants.
 #[derive(Clone, Debug)]
@@ -84,14 +84,16 @@ fn velocity_rms(samples: &[Sample]) -> f64 {
 
 /// RMS of the true velocity about its mean at MV, counts/s, from half a second after the start until 100 ms before the profile ends.
 pub fn ripple(mv: u16, cogging_n_m: f64) -> Spread {
-    let setup = Setup::new("link", &format!("MV = {mv}"), 0.0);
+    let (from, _) = travel("link");
+    let setup = Setup::new("link", &format!("MV = {mv}"), from.into());
     let cogging = format!("cogging_n_m = {cogging_n_m:?}");
     let setup = if cogging_n_m > 0.0 { setup.plant(&cogging) } else { setup };
-    let way = i64::from(4 * mv);
+    // At MV 100 nearly all that the joint has.
+    let end = i64::from(from) + i64::from(mv) * 7 / 2;
     let [spread] = spread(|seed| {
         let mut motor = Motor::new(&setup, seed);
-        motor.set(Property::M, way);
-        [velocity_rms(&motor.run(3_800)[500..])]
+        motor.set(Property::M, end);
+        [velocity_rms(&motor.run(3_300)[500..])]
     });
     spread
 }
@@ -111,15 +113,6 @@ pub fn tracking() -> (Spread, Spread) {
         [rms(error), (most - 338.0).max(0.0)]
     });
     (rms, overshoot)
-}
-
-/// Ends of a joint's range, counts.
-fn travel(kind: &str) -> (i32, i32) {
-    match kind {
-        "link" => (-25, 338),
-        "spread" => (0, 166),
-        _ => (-158, 350),
-    }
 }
 
 /// Time of a move over the whole range with the greatest ACCEL and MV, ms, and by the shortest that this plant's motor allows.
@@ -248,7 +241,7 @@ pub fn torque_error(seed: Option<u64>, t: i64, turning: bool, winding_c: f64) ->
     setup.winding_c = winding_c;
     let mut motor = Motor::new(&setup, seed);
     if turning {
-        motor.set(Property::M, 300);
+        motor.set(Property::M, 160);
         motor.run_to_end(3_000);
         motor.run(100);
     }

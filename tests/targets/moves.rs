@@ -6,7 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use servo_core::EndReason;
 use tater_wire::Property;
 
-use super::rig::{KINDS, Motor, Setup};
+use super::rig::{KINDS, Motor, Setup, travel};
 
 /// Moves of one motor.
 pub const MOVES: u64 = 10;
@@ -42,7 +42,7 @@ const MOST_COUNTS_S: f64 = 103.0;
 /// Motion at rest with HOLD, from 300 ms after the arrival on, peak to peak.
 const HUNTING_COUNTS: f64 = 0.5;
 
-/// Moves of the motor of a seed. Within: ACCEL 5 to 1000, MV 20 to 4080, MPE 0 to 20, KP 60 to 180, KD 320 to 960, HOLD, a steady load
+/// Moves of the motor of a seed, over its joint's range. Within: ACCEL 5 to 1000, MV 20 to 4080, MPE 0 to 20, KP 60 to 180, KD 320 to 960, HOLD, a steady load
 /// of up to 0.02 N·m, new ends on the way. More than the least friction, 0.021 N·m, turns a joint at less than a count a second until an edge
 /// shows it.
 pub fn random_moves(seed: u64) -> Tally {
@@ -50,6 +50,8 @@ pub fn random_moves(seed: u64) -> Tally {
     let kind = KINDS[random.random_range(0..KINDS.len())];
     let set = format!("KP = {}, KD = {}", random.random_range(60..=180), random.random_range(320..=960));
     let mut motor = Motor::new(&Setup::new(kind, &set, 0.0), Some(seed));
+    let (first, last) = travel(kind);
+    let ends = i64::from(first)..=i64::from(last);
     let mut tally = Tally::default();
     for _ in 0..MOVES {
         // Even in logarithm.
@@ -63,7 +65,7 @@ pub fn random_moves(seed: u64) -> Tally {
             motor.set(property, value);
         }
         motor.node.rig_mut().set_disturbance(load);
-        let mut end = random.random_range(-150..=340);
+        let mut end = random.random_range(ends.clone());
         motor.set(Property::M, end);
         motor.ended = None;
         if random.random_range(0..3) == 0 {
@@ -74,7 +76,7 @@ pub fn random_moves(seed: u64) -> Tally {
                 left -= 1;
                 stopped = motor.ended.is_some();
             }
-            end = random.random_range(-150..=340);
+            end = random.random_range(ends.clone());
             motor.set(Property::M, end);
             motor.ended = None;
         }

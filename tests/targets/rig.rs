@@ -4,9 +4,20 @@ use hil_sim::node::{Node, Sample};
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options};
 use servo_core::{EndReason, Event};
-use tater_wire::{Destination, Message, Property};
+use tater_wire::{Destination, Message, MotorKind, Property};
 
 pub const KINDS: [&str; 3] = ["link", "spread", "tip"];
+
+/// Ends of a joint's range, counts.
+pub fn travel(kind: &str) -> (i32, i32) {
+    let kind = match kind {
+        "link" => MotorKind::Link,
+        "spread" => MotorKind::Spread,
+        _ => MotorKind::Tip,
+    };
+    let [low, high] = kind.range_counts().map(i32::from);
+    (low, high)
+}
 
 /// Plants of a figure in continuous integration.
 const PLANTS: u64 = 12;
