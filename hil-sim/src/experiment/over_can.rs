@@ -20,7 +20,7 @@ use crate::experiment::scenario::{Case, Scenario, Verdict, motor_name};
 use crate::world::bus::{Adapter, Bus};
 use crate::world::hand::Motorized;
 use crate::world::node::Node;
-use crate::world::plant::ParamError;
+use crate::world::plant::{ParamError, PlantParams};
 use crate::world::rig::Rig;
 use compare::Path;
 
@@ -82,7 +82,8 @@ pub fn gap(metric: &Metric, poll_ms: u32) -> Option<&'static str> {
     }
 }
 
-/// The motor of a case while its board boots: at rest at the scenario's start, without its sensor faults.
+/// The motor of a case while its board boots: at rest at the scenario's start, without its sensor faults, and with no more friction than
+/// its kind has: one that the scenario jams has turned before.
 ///
 /// # Errors
 /// A plant parameter out of range; [`Scenario::parse`] rejects those.
@@ -91,7 +92,11 @@ pub fn parked(scenario: &Scenario, case: &Case, options: &Options) -> Result<Rig
     scenario.initial.velocity_counts_s = 0.0;
     scenario.rig.glitches.clear();
     scenario.rig.stuck = None;
-    rig(&scenario, case, options)
+    let usual = PlantParams::for_motor(case.motor);
+    let mut case = case.clone();
+    case.plant.coulomb_n_m = case.plant.coulomb_n_m.min(usual.coulomb_n_m);
+    case.plant.static_n_m = case.plant.static_n_m.min(usual.static_n_m);
+    rig(&scenario, &case, options)
 }
 
 /// One board's part in a run.
@@ -233,8 +238,10 @@ impl<S: ObservedBoard> OverCan<S> {
         let rigs: Vec<Rig> = self.bus.stations().map(|station| station.rig().clone()).collect();
         let mut starts = Vec::new();
         for (node, rig) in self.nodes.clone().into_iter().zip(&rigs) {
-            let start = self.get(node, Property::P).unwrap_or(0);
-            let way = if rig.truth().counts < TURN as f64 { TURN } else { -TURN };
+            // The motor's place in its joint: beyond that a board takes no goal (decision 0068).
+            let start = rig.truth().counts.round() as i64;
+            let way = if start < TURN { TURN } else { -TURN };
+            self.put(node, Property::P, start)?;
             starts.push((node, start, start + way));
             self.put(node, Property::MODE, 3)?;
         }
@@ -243,18 +250,13 @@ impl<S: ObservedBoard> OverCan<S> {
             self.set(node, Property::P, there)?;
         }
         self.rest("turning the motors", TURN_US)?;
-        for &(node, start, _) in &starts {
+        for &(node, start, there) in &starts {
+            self.expect_turned(node, there)?;
             self.set(node, Property::P, start)?;
         }
         self.rest("turning the motors", TURN_US)?;
         for &(node, start, _) in &starts {
-            let found = self.get(node, Property::P);
-            if found.is_none_or(|found| found.abs_diff(start) > 1) {
-                return Err(format!(
-                    "node {}: P is {found:?} after a turn there and back, expected {start}\n  next: see decision 0047",
-                    node.number()
-                ));
-            }
+            self.expect_turned(node, start)?;
             self.put(node, Property::MODE, 0)?;
         }
         for (index, rig) in rigs.into_iter().enumerate() {
@@ -264,6 +266,17 @@ impl<S: ObservedBoard> OverCan<S> {
             }
         }
         self.rest("turning the motors", SETTLE_US)
+    }
+
+    fn expect_turned(&mut self, node: Id, to: i64) -> Result<(), String> {
+        let found = self.get(node, Property::P);
+        if found.is_some_and(|found| found.abs_diff(to) <= 1) {
+            return Ok(());
+        }
+        Err(format!(
+            "node {}: P is {found:?} in a turn there and back, expected {to}\n  next: see decision 0047",
+            node.number()
+        ))
     }
 
     fn check(&self) -> Result<(), String> {
