@@ -33,7 +33,7 @@ const NEW: [(Property, i64); 6] = [
     (Property::KD, 700),
     (Property::KPV, 255),
     (Property::HOLD, 1),
-    (Property::DP, -300),
+    (Property::DP, -30),
     (Property::MPE, 4),
 ];
 
