@@ -254,6 +254,46 @@ fn board_that_drives_its_motor_is_left_alone() {
     assert_eq!((code, change(&done, 0, "KP")), (Some(0), (120, 150)), "{errors}");
 }
 
+/// In the way back "old" would mean the wrong values.
+#[test]
+fn undo_that_is_cut_off_says_that_the_applied_values_are_stored() {
+    let folder = folder("apply-undo-power", &LINK);
+    let served = serve("1-2");
+    let (code, _, errors) =
+        apply(&folder, &format!("tuned.json --slcan {} --node 1 --node 2", served.address));
+    assert_eq!(code, Some(0), "{errors}");
+    let (address, passing) = cut_at(&served.address, "t00149E");
+    let (code, object, errors) = apply(&folder, &format!("--undo --slcan {address}"));
+    passing.join().expect("no panic");
+    assert_eq!((code, &object["boards"][1]["state"]), (Some(1), &"unknown, stored values old".into()));
+    for words in [
+        "node 1 may hold and have stored some of the values from before the apply",
+        "node 2 may hold values from before the apply until its next reset; its storage has the applied ones",
+        "tuned.json.undo.json has the values from before the apply",
+    ] {
+        assert!(errors.contains(words), "{errors}");
+    }
+    let (code, object, errors) = apply(&folder, &format!("--undo --slcan {}", served.address));
+    assert_eq!((code, change(&object, 1, "KP").1), (Some(0), 120), "{errors}");
+}
+
+#[test]
+fn board_with_another_hands_units_is_named() {
+    let folder = folder("apply-units", &LINK);
+    let served = serve("1");
+    let to = format!("tuned.json --slcan {} --node 1", served.address);
+    let (code, _, errors) = apply(&folder, &format!("{to} --dry-run"));
+    assert_eq!(code, Some(0), "{errors}");
+    // HOSTUNITS 280.
+    send(&served, "t0014FF001801");
+    for line in [format!("apply {to}"), format!("log --slcan {} --seconds 0.1 --out log.csv", served.address)]
+    {
+        let (code, out, errors) = hil_sim(&folder, &line);
+        assert!(code == Some(2) && out.is_empty() && errors.contains("HOSTUNITS"), "{line}: {out}{errors}");
+    }
+    assert!(!folder.join("tuned.json.undo.json").exists() && !folder.join("log.csv").exists());
+}
+
 /// KP 120 with a stray digit is −32729, which `apply` once kept as an old value, and its undo then refused.
 #[test]
 fn damaged_answers_are_neither_kept_nor_written() {

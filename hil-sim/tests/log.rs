@@ -131,6 +131,13 @@ fn killed_log_keeps_whole_rows() {
         assert_eq!(code, Some(0), "{name}: {errors}");
         assert!(rows(&folder.join("read.csv")) > 10, "{name}");
     }
+    // A kill may also cut a write, between two pages of the file.
+    let whole = std::fs::read_to_string(folder.join("read.csv")).expect("text");
+    std::fs::write(folder.join("cut.csv"), &whole[..whole.len() - 3]).expect("ours");
+    let (code, errors) = hil_sim(&folder, &["convert", "cut.csv", "read.csv"]);
+    assert_eq!(code, Some(0), "{errors}");
+    let read = std::fs::read_to_string(folder.join("read.csv")).expect("text");
+    assert_eq!(read, whole[..=whole[..whole.len() - 1].rfind('\n').expect("many rows")]);
 }
 
 #[test]

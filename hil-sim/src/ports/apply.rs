@@ -120,12 +120,15 @@ type Values<'a> = dyn Fn(&Present) -> Result<Vec<(Property, i64)>, BadInput> + '
 
 /// Meets boards and reads what they hold.
 fn read_boards(link: &mut dyn Link, nodes: &[Id], values: &Values) -> Result<Vec<Board>, Stop> {
-    let mut boards = Vec::new();
-    for node in nodes {
+    let read = nodes.iter().map(|node| {
         let present = meet(link, *node, &mut |step| warn(step))?;
-        boards.push(compare(link, present, &values(&present)?)?);
+        Ok(compare(link, present, &values(&present)?)?)
+    });
+    let boards = read.collect::<Result<Vec<Board>, Stop>>();
+    if boards.is_err() {
+        link.remark().iter().for_each(|text| warn(text));
     }
-    Ok(boards)
+    boards
 }
 
 /// Writes boards, with their old values in a file meanwhile, and afterwards unless the boards hold them again. `before`: what was in the file.
@@ -334,11 +337,11 @@ impl Told<'_> {
             Failure::Failed(text) => warn(&format!("error: {text}")),
         }
         for (board, state) in self.boards.iter().zip(states) {
-            warn(&format!("  node {} {}", board.present.node.number(), state.text()));
+            warn(&format!("  node {} {}", board.present.node.number(), state.text(self.args.undo)));
         }
         if states.iter().any(|state| matches!(state, State::Unknown { .. })) {
             warn(&format!(
-                "  next: when these boards answer again: cargo xtask apply {} --undo; {} has their old values",
+                "  next: when these boards answer again: cargo xtask apply {} --undo; {} has the values from before the apply",
                 self.args.file.display(),
                 self.path.display()
             ));

@@ -18,7 +18,7 @@ use super::interrupt;
 use super::output::{check_file, warn};
 use crate::experiment::input::BadInput;
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
-use crate::tuning::traces::{TIME, UNTRUSTED, unit};
+use crate::tuning::traces::{RECORDED_BY, TIME, UNTRUSTED, unit};
 
 /// Time limit of an answer: a board that erases a page (40 ms) answers after it.
 const ANSWER: Duration = Duration::from_millis(100);
@@ -81,8 +81,12 @@ pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
     interrupt::finish_first();
     let link = Link::open(args.slcan.as_deref(), args.can.as_deref())?;
     let mut board = Board { link, node, clock, doubts: 0 };
-    wake(args, &mut board)?;
-    let heading = Heading { columns: columns(), metadata: facts(args, &mut board)? };
+    let facts = wake(args, &mut board).and_then(|()| facts(args, &mut board));
+    let remark = |board: &Board| adapter::remark(board.link.health()).iter().for_each(|text| warn(text));
+    if facts.is_err() {
+        remark(&board);
+    }
+    let heading = Heading { columns: columns(), metadata: facts? };
     let wrong = |error: TableError| convert::bad(&args.out, error);
     let pending = Pending::default();
     let mut sink = format.appending(pending.clone(), &heading).map_err(wrong)?;
@@ -98,9 +102,7 @@ pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
     warn(&format!("recording node {}; ^C ends it and keeps the file", args.node));
     let recorded = record(args, &mut board, sink.as_mut(), &mut log, seconds);
     sink.finish().and_then(|()| log.flush()).map_err(wrong)?;
-    if let Some(text) = adapter::remark(board.link.health()) {
-        warn(&text);
-    }
+    remark(&board);
     if log.untrusted > 0 {
         warn(&format!(
             "warning: {} of {} rows could not be trusted (column {UNTRUSTED}): answers were damaged, missing or out of range\n  next: check adapter and cable",
@@ -221,6 +223,16 @@ fn silent(args: &LogArgs, found: &str) -> BadInput {
     }
 }
 
+fn foreign(args: &LogArgs, units: i64) -> BadInput {
+    BadInput {
+        place: place(args),
+        problem: format!("node {} speaks another hand's units", args.node),
+        found: format!("HOSTUNITS {units}"),
+        expected: "HOSTUNITS 0".to_owned(),
+        next: "SET HOSTUNITS (127) to 0, and set it again after the recording".to_owned(),
+    }
+}
+
 fn columns() -> Vec<Column> {
     let time = Column::new(TIME, unit(TIME), Kind::Float).decimals(3);
     let others = COLUMNS.iter().map(|(name, _, _, decimals)| match decimals {
@@ -234,7 +246,7 @@ fn columns() -> Vec<Column> {
 /// All properties that can be read, by name: gains, limits and versions.
 fn facts(args: &LogArgs, board: &mut Board) -> Result<Vec<(String, String)>, BadInput> {
     let mut facts = vec![
-        ("recorded_by".to_owned(), format!("hil-sim {}", env!("CARGO_PKG_VERSION"))),
+        (RECORDED_BY.to_owned(), format!("hil-sim {}", env!("CARGO_PKG_VERSION"))),
         ("node".to_owned(), args.node.to_string()),
     ];
     let given = facts.len();
@@ -249,6 +261,9 @@ fn facts(args: &LogArgs, board: &mut Board) -> Result<Vec<(String, String)>, Bad
             }
         };
         match value {
+            Some(units) if *property == Property::HOSTUNITS && units != 0 => {
+                return Err(foreign(args, units));
+            }
             Some(value) => facts.push((property.row().name.to_owned(), value.to_string())),
             None if facts.len() == given => return Err(silent(args, "no answer for 2 s")),
             None => warn(&format!("warning: no answer about {}: the metadata lacks it", property.row().name)),

@@ -85,17 +85,26 @@ pub enum State {
 }
 
 impl State {
-    /// What the board holds, as the end of a sentence.
+    /// What the board holds, as the end of a sentence. `is_undo`: the values to be written were those from before an apply.
     #[must_use]
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::New => "holds the new values, stored",
-            Self::Untouched => "holds its old values: nothing was written",
-            Self::Restored => "holds its old values again",
-            Self::Unknown { may_be_stored: false } => {
+    pub const fn text(self, is_undo: bool) -> &'static str {
+        match (self, is_undo) {
+            (Self::New, false) => "holds the new values, stored",
+            (Self::New, true) => "holds the values from before the apply, stored",
+            (Self::Untouched, false) => "holds its old values: nothing was written",
+            (Self::Untouched, true) => "holds the applied values: nothing was written",
+            (Self::Restored, false) => "holds its old values again",
+            (Self::Restored, true) => "holds the applied values again",
+            (Self::Unknown { may_be_stored: false }, false) => {
                 "may hold new values until its next reset; its storage has the old ones"
             }
-            Self::Unknown { may_be_stored: true } => "may hold and have stored new values",
+            (Self::Unknown { may_be_stored: false }, true) => {
+                "may hold values from before the apply until its next reset; its storage has the applied ones"
+            }
+            (Self::Unknown { may_be_stored: true }, false) => "may hold and have stored new values",
+            (Self::Unknown { may_be_stored: true }, true) => {
+                "may hold and have stored some of the values from before the apply"
+            }
         }
     }
 
@@ -237,6 +246,14 @@ pub fn meet(link: &mut dyn Link, node: Id, progress: &mut dyn FnMut(&str)) -> Re
             node.number()
         ));
         wake(link, node)?;
+    }
+    // Earlier programs have no such property.
+    if ask(link, node, Property::HOSTUNITS)?.is_some_and(|units| units != 0) {
+        return failed(
+            node,
+            "its HOSTUNITS is not 0: it speaks another hand's units",
+            "SET HOSTUNITS (127) to 0, repeat this, and set it again afterwards",
+        );
     }
     let kind = match MotorKind::from_code(get(link, node, Property::KIND)?) {
         Some(kind) => kind,

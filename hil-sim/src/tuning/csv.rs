@@ -1,12 +1,13 @@
 //! Traces as CSV: `# key=value` lines, a header, then one line of numbers a row; an absent number is empty.
 //!
-//! Every line ends in LF, also the last: a file that ends elsewhere is truncated. A column whose numbers all have the same digits
+//! Every line ends in LF, also the last: a file that ends elsewhere is truncated. Of a recording that was killed in the middle of a write the
+//! rows before are read, as of one in MCAP. A column whose numbers all have the same digits
 //! after the point keeps them, so that a file that is read and written again is the same.
 
 use std::io::Write;
 
 use super::table::{Cell, Column, Heading, Kind, Sink, Source, TableError, check, text};
-use super::traces::unit;
+use super::traces::{RECORDED_BY, unit};
 
 /// Writes a trace as CSV.
 pub struct Writer<W: Write> {
@@ -67,11 +68,21 @@ impl Reader {
             Some(rest) => rest.to_owned(),
             None => text,
         };
+        let (text, cut) = match text.rsplit_once('\n') {
+            Some((whole, cut)) => (format!("{whole}\n"), cut.to_owned()),
+            None => (String::new(), text),
+        };
         let lines = text.lines().count();
-        if !text.ends_with('\n') {
-            let last = text.lines().last().unwrap_or("nothing").to_owned();
-            let row = u64::try_from(lines).unwrap_or(0);
-            return Err(TableError::place(row, "", last, "a line that ends in LF; the file is truncated"));
+        let has_header = text.lines().any(|line| !line.starts_with('#'));
+        let is_killed_log = has_header && text.starts_with(&format!("# {RECORDED_BY}="));
+        if text.is_empty() || !cut.is_empty() && !is_killed_log {
+            let last = if cut.is_empty() { "nothing".to_owned() } else { cut };
+            return Err(TableError::place(
+                number(lines),
+                "",
+                last,
+                "a line that ends in LF; the file is truncated",
+            ));
         }
         let mut metadata = Vec::new();
         for (index, line) in text.lines().enumerate() {

@@ -12,6 +12,9 @@ pub const TIME: &str = "time_ms";
 /// The node of the row, in traces of several motors.
 pub const MOTOR: &str = "motor";
 
+/// The first fact of a recording, which grows row by row.
+pub const RECORDED_BY: &str = "recorded_by";
+
 /// How many answers of a recorded row were damaged, missing or out of range; 0: none.
 pub const UNTRUSTED: &str = "untrusted";
 
