@@ -185,12 +185,12 @@ impl Console {
         let Some(position) = position else { return Ok(()) };
         let limit = self.limit;
         let hand = self.hand()?;
-        during(|| match motion {
+        let moved = during(|| match motion {
             Motion::Move => hand.move_halls(&fingers, position, limit, &mut until_interrupted),
             Motion::Close => hand.close_fingers(&fingers, limit, &mut until_interrupted),
             Motion::Open => hand.open_fingers(&fingers, limit, &mut until_interrupted),
-        })?;
-        Ok(())
+        });
+        moved.map_err(|error| explained(hand, &format!("{fingers} S E {position}"), error))
     }
 
     /// `None`: ^C drops the command.

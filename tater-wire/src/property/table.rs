@@ -497,7 +497,7 @@ table! {
     MPE = 76, 16, ReadWrite, Yes, "counts", 0..=32767, Same(4),
         "arrival window";
     HOLD = 77, 16, ReadWrite, Yes, "-", 0..=1, Kinds(0, 1, 0),
-        "after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either";
+        "after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either, but not with HOSTUNITS 280";
     TSTOP = 78, 16, ReadWrite, Yes, "ms", 0..=65535, Kinds(300, 400, 300),
         "no count for this long while driven is a stall; 0 never";
     // Gains and BT were set by hand over plants of ±30 %; the manual has none. `hil-sim tune` keeps the gains of links and tips
