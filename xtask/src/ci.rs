@@ -6,7 +6,7 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::program::{in_parallel, output, program, root, run};
+use crate::program::{built, in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
     Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages,
@@ -164,13 +164,13 @@ fn documentation() -> Outcome {
 
 fn scenarios() -> Outcome {
     let names = shipped()?;
-    let listed = output(simulator("list"))?;
+    let listed = output(simulator("list")?)?;
     if let Some(name) = names.iter().find(|name| !listed.contains(name.as_str())) {
         return Err(format!("`hil-sim list` does not name {name}"));
     }
     let mut runs: Vec<String> = names.iter().map(|name| format!("run {name} --json")).collect();
     runs.push("run spread-full-travel --json --model switched".into());
-    let failures = in_parallel(&runs, |line| output(simulator(line)).map(|_| ()));
+    let failures = in_parallel(&runs, |line| output(simulator(line)?).map(|_| ()));
     println!("  {} of {} runs met their expectations", runs.len() - failures.len(), runs.len());
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
 }
@@ -182,12 +182,14 @@ const TORTURE_SEEDS: u32 = 1000;
 
 fn torture() -> Outcome {
     // The line that replays a failure names its seed.
-    print!("{}", output(simulator(&format!("torture --seed {TORTURE_SEED} --seeds {TORTURE_SEEDS}")))?);
+    print!("{}", output(simulator(&format!("torture --seed {TORTURE_SEED} --seeds {TORTURE_SEEDS}"))?)?);
     Ok(())
 }
 
-pub fn simulator(line: &str) -> Command {
-    program(&format!("cargo run --quiet --package hil-sim -- {line}"))
+pub fn simulator(line: &str) -> Result<Command, String> {
+    let mut simulator = Command::new(built("hil-sim")?);
+    simulator.args(line.split_whitespace()).current_dir(root());
+    Ok(simulator)
 }
 
 fn shipped() -> Result<Vec<String>, String> {

@@ -1,12 +1,12 @@
 //! `cargo xtask emu`: builds the image and runs it on emulated boards, with the program `board-emu`.
 
 use std::path::PathBuf;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
 use crate::image::{self, Profile};
-use crate::program::{output, program, run, target, typed};
+use crate::program::{built, output, program, root, typed};
 use crate::{Failure, Outcome};
 
 /// Arguments of `emu`.
@@ -75,8 +75,7 @@ pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
 /// The failed program with a command to repeat it.
 pub fn build() -> Result<(PathBuf, PathBuf), String> {
     image::build(Profile::Production)?;
-    run(program("cargo build --quiet --package board-emu --bins"))?;
-    Ok((target().join("debug/board-emu"), image::folder(Profile::Production)))
+    Ok((built("board-emu")?, image::folder(Profile::Production)))
 }
 
 /// Keys of the JSON object besides those of `hil-sim run`; they are a contract.
@@ -104,8 +103,12 @@ const RUNS: [(&str, Profile, &str); 2] = [
 /// The failed run, or the missing keys.
 pub fn check() -> Outcome {
     for (what, profile, rest) in RUNS {
-        let mut emulate = program("cargo run --quiet --package board-emu -- --json --image");
-        emulate.arg(image::folder(profile)).args(rest.split(' '));
+        let mut emulate = Command::new(built("board-emu")?);
+        emulate
+            .args(["--json", "--image"])
+            .current_dir(root())
+            .arg(image::folder(profile))
+            .args(rest.split(' '));
         let line = typed(&emulate);
         let told = output(emulate)?;
         let found: Value = serde_json::from_str(&told)

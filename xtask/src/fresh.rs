@@ -29,7 +29,7 @@ pub fn fresh(args: &FreshArgs) -> Outcome {
         "seed {seed}; the same run again: cargo xtask fresh --seed {seed} --minutes {}",
         args.minutes
     ));
-    print!("{}", output(simulator(&format!("torture --seed {seed} --minutes {}", args.minutes)))?);
+    print!("{}", output(simulator(&format!("torture --seed {seed} --minutes {}", args.minutes))?)?);
     let mut tests = program(&format!("cargo test --quiet {PACKAGES}"));
     tests.env(PROPERTY_SEED, seed.to_string());
     run(tests)?;

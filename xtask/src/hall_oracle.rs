@@ -7,6 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::Outcome;
+use crate::ci::simulator;
 use crate::program::{output, program, root, run, target};
 
 /// Upper bounds for a capture: what the estimator reaches, and 5 %, or the aim where that is less
@@ -49,7 +50,7 @@ pub fn check() -> Outcome {
 fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
     let capture = shared.join("captures").join(format!("{}.dat.gz", bounds.capture));
     let csv = out.join(format!("{}.csv", bounds.capture));
-    let mut replay = program("cargo run --quiet --package hil-sim -- replay-halls");
+    let mut replay = simulator("replay-halls")?;
     replay.arg(&capture).args(["--counts-per-rev", "90", "--rate-hz", "30000", "--csv"]).arg(&csv);
     run(replay)?;
     let mut score = program("python3");

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use tater_wire::Node;
 
-use crate::program::{output, program, root, run, target};
+use crate::program::{output, root, target};
 use crate::served::Served;
 use crate::{Outcome, download, python, tek};
 
@@ -39,7 +39,6 @@ const SPREAD: Node = Node::new(4).expect("0 to 31");
 /// The failed check with a command to repeat it, or the missing tool.
 pub fn check() -> Outcome {
     let python = python::environment("host-tools", &PACKAGES)?;
-    run(program("cargo build --quiet --package hil-sim"))?;
     let script = |name: &str, args: &[&str]| {
         let mut script = Command::new(&python);
         script.arg(format!("tests/host/{name}.py")).args(args).current_dir(root());

@@ -47,6 +47,23 @@ pub fn run(mut command: Command) -> Result<(), String> {
     }
 }
 
+/// Path of the project's own program, or of an example such as `examples/run_speed`, with the checks' profile.
+///
+/// All are built at once, with the features that `cargo test --workspace` chooses for what they depend on: built package by package,
+/// the simulator was compiled three times more.
+///
+/// # Errors
+/// The build's.
+pub fn built(name: &str) -> Result<PathBuf, String> {
+    static ONCE: Mutex<bool> = Mutex::new(false);
+    let mut is_built = ONCE.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*is_built {
+        run(program("cargo build --workspace --bins --examples"))?;
+        *is_built = true;
+    }
+    Ok(target().join("debug").join(name))
+}
+
 /// Path of a cargo tool, installed below the target folder if it is missing.
 ///
 /// # Errors

@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use crate::Outcome;
-use crate::program::{output, program, root, run, succeeds, target};
+use crate::program::{built, output, root, succeeds};
 
 /// The program of Debian's package, and the line that installs it.
 pub const CHROMIUM: &str = "chromium";
@@ -21,9 +21,8 @@ pub fn check() -> Outcome {
         println!("skipped: no python3 to drive Chromium");
         return Ok(());
     }
-    run(program("cargo build --quiet --package hil-sim"))?;
     let mut check = Command::new("python3");
-    check.arg("tests/host/reports.py").arg(target().join("debug/hil-sim")).arg(CHROMIUM).current_dir(root());
+    check.arg("tests/host/reports.py").arg(built("hil-sim")?).arg(CHROMIUM).current_dir(root());
     output(check).map(|said| said.lines().for_each(|line| println!("  {line}")))
 }
 

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
 use crate::emu;
-use crate::program::{root, target, typed};
+use crate::program::{built, root, typed};
 
 /// The simulator, which ends with this.
 pub struct Served {
@@ -28,7 +28,7 @@ impl Served {
     /// # Errors
     /// It cannot be started.
     pub fn new(args: &str) -> Result<Self, String> {
-        let mut command = Command::new(target().join("debug/hil-sim"));
+        let mut command = Command::new(built("hil-sim")?);
         command.args(args.split(' '));
         Self::start(command)
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::outcome::Failure;
-use crate::program::{output, output_of_both, program, root, run, target, typed};
+use crate::program::{built, output, output_of_both, program, root, run, target, typed};
 use crate::served::Served;
 use crate::{Outcome, model, python};
 
@@ -50,9 +50,8 @@ pub fn check() -> Outcome {
     let place = target().join("wheel-check");
     // The simulator with the checks' profile is mostly compiled already.
     let wheel = build("dev", &place.join("wheels"))?;
-    run(program("cargo build --quiet --package hil-sim --bins --example run_speed"))?;
     let python = fresh(&place.join("environment"), &wheel)?;
-    let simulator = target().join("debug/hil-sim");
+    let simulator = built("hil-sim")?;
     let emulated = Served::emulated()?;
     let address = emulated.place("gcl")?;
     let script = |line: &str, paths: &[&Path]| {
@@ -72,7 +71,7 @@ pub fn check() -> Outcome {
     script("-m mypy.stubtest wraptor", &[])?;
     script("tests/tutorial.py ../docs/python.md", &[&place.join("tutorial")])?;
     grasp(&python, script)?;
-    script("benches/runs.py", &[&target().join("debug/examples/run_speed"), Path::new(LEAST_SHARE)])
+    script("benches/runs.py", &[&built("examples/run_speed")?, Path::new(LEAST_SHARE)])
 }
 
 /// The grasp of docs/mujoco.md, skipped where MuJoCo has no wheel. After the types, which must not depend on it.
