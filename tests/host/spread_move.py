@@ -134,16 +134,19 @@ def main(address):
         # MPE is 200 in the host's counts, of which 55 make one of ours.
         check(abs(positions[-1] - 160) <= 4, f"ends within MPE of 160: {positions[-1]}")
 
-        back = move(host, -20)
+        # The farthest goal of a spread (decision 0068): it presses on the stop.
+        back = move(host, -8)
         check(back and min(back) >= -4, f"the stop is half a count below 0: {back}")
         host.set(SPREAD, MODE, IDLE)
         check(host.get(SPREAD, MODE) == IDLE, "idle")
         # Pressed into its stop, the joint springs back by a count when it is let go.
         stand_still(host)
         # In idle, P says what the present position is called: all 22 bits come back with their sign.
-        for name in (-32767, -1, 32767):
+        for name in (-8, -1, 174):
             host.set(SPREAD, P, name)
             check(host.get(SPREAD, P) == name, f"the position is called {name}: {host.get(SPREAD, P)}")
+        host.set(SPREAD, P, 32767)
+        check(host.get(SPREAD, P) == 174, f"no place of a spread: {host.get(SPREAD, P)}")
         print(f"spread moved to {positions[-1]} and back, {len(positions)} positions read on the way there")
 
 

@@ -61,8 +61,13 @@ def test_functions_of_the_manual_on_every_way(hil_sim: str, door: str, args: lis
         assert process.stdout is not None
         kind, place = process.stdout.readline().split()
         assert kind == door
-        ways = {"gcl": wraptor.Hand.connect, "pty": wraptor.Hand.serial, "slcan": wraptor.Hand.can}
-        with ways[door](place, limit=10, boards="any") as hand:
+        if door == "gcl":
+            hand = wraptor.Hand.connect(place, limit=10, boards="any")
+        elif door == "pty":
+            hand = wraptor.Hand.serial(place, limit=10, boards="any")
+        else:
+            hand = wraptor.Hand.can(place, limit=10, boards="any")
+        with hand:
             hand.wake()
             assert hand.boards() == ["ready"] * 7
             hand.find_zero()
