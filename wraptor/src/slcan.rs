@@ -1,4 +1,4 @@
-//! An SLCAN adapter from the host's side: commands out, frames and answers in ([`line`] has the grammar of both sides).
+//! An SLCAN adapter from the host's side: commands out, frames and answers in ([`mod@line`] has the grammar of both sides).
 //!
 //! Adapters speak dialects. LAWICEL's acknowledge a command by CR and a frame by `z`, and refuse by BEL; CANable acknowledges nothing and
 //! answers `V` with a hash; others end lines in CR LF, join `z` to the next line, send time stamps, or start anew when the port opens and are deaf for
