@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::elf::{Program, Section, plain};
 
 /// Owners of names without a crate: the first pattern that matches; a final `*` matches anything.
-const NAMED: [(&str, &str); 17] = [
+const NAMED: [(&str, &str); 18] = [
     ("__aeabi_mem*", "tater_fw (assembler)"),
     ("memcpy", "tater_fw (assembler)"),
     ("memset", "tater_fw (assembler)"),
@@ -24,6 +24,8 @@ const NAMED: [(&str, &str); 17] = [
     ("_SEGGER*", "defmt_rtt"),
     ("__*", "compiler_builtins"),
     (".L*", "constants without a name"),
+    // Shared pieces of several functions, numbered anew when any name changes.
+    ("OUTLINED_FUNCTION_*", "pieces of several functions"),
 ];
 
 /// Bytes between symbols.
@@ -122,6 +124,7 @@ mod tests {
             ("__aeabi_memcpy4", "tater_fw (assembler)"),
             ("__aeabi_uldivmod", "compiler_builtins"),
             ("Reset", "cortex_m_rt"),
+            ("OUTLINED_FUNCTION_7", "pieces of several functions"),
             ("surprise", "surprise (no crate)"),
         ] {
             assert_eq!(origin(name), crate_, "{name} ({})", plain(name));
