@@ -1006,7 +1006,8 @@ impl Servo {
                 };
             }
             Goal::Zero => {
-                self.stall.forget();
+                // An IOFF that leads into the stop does not leave it: it would press for another TSTOP.
+                self.stall.forget(self.tuning.config.ioff < 0);
                 self.motion = Motion::Zero {
                     control: PositionLoop::at_rest(position, PidState::default()),
                     arrival: Arrival::of(false),

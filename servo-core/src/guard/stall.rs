@@ -70,14 +70,15 @@ impl Stall {
         self.rest_ms += 1;
         if self.rest_ms >= u32::from(tstop) && self.lead_ms == 0 {
             self.rest_ms = RESTED;
-            self.forget();
+            self.forget(false);
+            self.forget(true);
         }
     }
 
-    /// Forgets the time either way: HI leaves the stop that it has pressed on purpose.
-    pub fn forget(&mut self) {
-        self.opening_ms = self.opening_ms.min(LEAD_MS.into());
-        self.closing_ms = self.closing_ms.min(LEAD_MS.into());
+    /// Forgets the time of one direction: HI leaves the stop that it has pressed on purpose.
+    pub fn forget(&mut self, closing: bool) {
+        let still_ms = if closing { &mut self.closing_ms } else { &mut self.opening_ms };
+        *still_ms = (*still_ms).min(LEAD_MS.into());
     }
 
     /// Whether the motor has been driven that way for `tstop` without a count.

@@ -4,7 +4,7 @@
 //! 0xFF is data in packets and in RealTime, and no character of a line. So it introduces a command of Telnet only where a line could
 //! stand, and in RealTime where a block would begin (decision 0072). A client that doubles 0xFF in packets has to send raw TCP.
 
-use god::framing::{ABORT, Framing, Kind, SILENCE_US};
+use god::framing::{Framing, Kind, SILENCE_US};
 
 /// Introduces a command.
 const IAC: u8 = 255;
@@ -21,8 +21,7 @@ const ABORT_PROCESS: u8 = 238;
 /// The lowest command (RFC 1184).
 const FIRST_COMMAND: u8 = 236;
 
-/// Longest subnegotiation that is skipped, bytes. A silence ends one as well, and a stop within one is a stop: it may lack its end, and a
-/// motor that stands does no harm. Clients send none unasked.
+/// Longest subnegotiation that is skipped, bytes. A silence and a stop of Telnet end one as well: without its end it must not hide ^C.
 const MAX_SUBNEGOTIATION: u8 = 128;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -127,10 +126,6 @@ impl Telnet {
             (State::Sub(_, true), END_OF_SUBNEGOTIATION) | (State::Sub(MAX_SUBNEGOTIATION.., _), _) => {
                 State::Data
             }
-            (State::Sub(len, _), ABORT) => {
-                each(Heard::Break);
-                State::Sub(len + 1, false)
-            }
             (State::Sub(len, was_iac), _) => State::Sub(len + 1, byte == IAC && !was_iac),
         };
     }
@@ -175,8 +170,7 @@ mod tests {
             (b"HI\r\0\xFF\xF4\xFF\xFD\x01C", "HI\r\0<!><252 1>C"),
             (b"\xFF\xF3", "<!>"),
             (b"\xFF\xEE", "<!>"),
-            (b"\xFF\xFA\x1F\x00\x50\x00\xFF\xFF\x18\xFF\xF0C\r", "C\r"),
-            (b"\xFF\xFA\x18\x03\x03\xFF\xF0C\r", "<!><!>C\r"),
+            (b"\xFF\xFA\x1F\x00\x50\x03\xFF\xFF\x18\xFF\xF0C\r", "C\r"),
             (b"\xFF\xFA\x18\xFF\xF4C\r", "<!>C\r"),
             (b"C \xFF\xFF\r", "C \u{FF}\r"),
             (b"C \xFFA\r", "C \u{FF}A\r"),
