@@ -3,10 +3,9 @@
 //! Host programs are built with the dev profile alone (simulator and servo with opt-level 3 in it, Cargo.toml): a second build
 //! in release would take minutes, and dev has overflow checks.
 
-use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::program::{built, in_parallel, output, program, root, run};
+use crate::program::{in_parallel, output, program, root, run, simulator};
 use crate::setup::THUMB;
 use crate::{
     Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages,
@@ -184,12 +183,6 @@ fn torture() -> Outcome {
     // The line that replays a failure names its seed.
     print!("{}", output(simulator(&format!("torture --seed {TORTURE_SEED} --seeds {TORTURE_SEEDS}"))?)?);
     Ok(())
-}
-
-pub fn simulator(line: &str) -> Result<Command, String> {
-    let mut simulator = Command::new(built("hil-sim")?);
-    simulator.args(line.split_whitespace()).current_dir(root());
-    Ok(simulator)
 }
 
 fn shipped() -> Result<Vec<String>, String> {

@@ -1,9 +1,8 @@
 //! `cargo xtask fresh`: seeds that no run has played before. `ci` plays the same ones each time, because a landing must not depend on
 //! chance (decision 0075); this is run before an issue is resolved, and its seed goes into the note.
 
-use crate::ci::simulator;
 use crate::fuzz::{self, FuzzArgs, PROPERTY_SEED, new_seed};
-use crate::program::{output, program, run};
+use crate::program::{output, program, run, simulator};
 use crate::{Outcome, outcome::say};
 
 /// Packages with property tests.

@@ -7,8 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::Outcome;
-use crate::ci::simulator;
-use crate::program::{output, program, root, run, target};
+use crate::program::{output, program, root, run, simulator, target};
 
 /// Upper bounds for a capture: what the estimator reaches, and 5 %, or the aim where that is less
 /// (`docs/estimation.md`).

@@ -64,6 +64,16 @@ pub fn built(name: &str) -> Result<PathBuf, String> {
     Ok(target().join("debug").join(name))
 }
 
+/// The simulator with a line of arguments, in the project's root.
+///
+/// # Errors
+/// The build's.
+pub fn simulator(line: &str) -> Result<Command, String> {
+    let mut simulator = Command::new(built("hil-sim")?);
+    simulator.args(line.split_whitespace()).current_dir(root());
+    Ok(simulator)
+}
+
 /// Path of a cargo tool, installed below the target folder if it is missing.
 ///
 /// # Errors
