@@ -320,7 +320,7 @@ typedef enum wraptor_property {
      */
     WRAPTOR_PROPERTY_MPE = 76,
     /*
-     after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either
+     after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either, but not with HOSTUNITS 280
      */
     WRAPTOR_PROPERTY_HOLD = 77,
     /*

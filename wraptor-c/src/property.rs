@@ -124,7 +124,7 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_IOFF = 74,
     /// arrival window; unit: counts
     WRAPTOR_PROPERTY_MPE = 76,
-    /// after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either
+    /// after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either, but not with HOSTUNITS 280
     WRAPTOR_PROPERTY_HOLD = 77,
     /// no count for this long while driven is a stall; 0 never; unit: ms
     WRAPTOR_PROPERTY_TSTOP = 78,
