@@ -139,7 +139,8 @@ fn download_over_a_serial_line_at_its_rate() {
     if !cfg!(unix) {
         return;
     }
-    let served = Served::new(&["hand", "--pty", "--pace-baud", "--speed", "max"], 1);
+    // In real time: with --speed max the hand runs away from a host on a busy machine, whose questions it then takes for silence.
+    let served = Served::new(&["hand", "--pty", "--pace-baud"], 1);
     let hand = Connect::serial(served.place("pty"), 9600).boards(Boards::Any).connect(HANGS);
     let mut hand = hand.expect("connected");
     hand.download("5", &firmware(2048), LIMIT, &mut |_| ControlFlow::Continue(())).expect("it runs");
