@@ -50,7 +50,7 @@ pub fn run(mut command: Command) -> Result<(), String> {
 /// Path of the project's own program, or of an example such as `examples/run_speed`, with the checks' profile.
 ///
 /// All are built at once, with the features that `cargo test --workspace` chooses for what they depend on: built package by package,
-/// the simulator was compiled three times more.
+/// the simulator was compiled for `hil-sim` and for `board-emu` anew.
 ///
 /// # Errors
 /// The build's.

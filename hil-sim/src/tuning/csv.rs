@@ -64,14 +64,11 @@ impl Reader {
     pub fn new(bytes: Vec<u8>) -> Result<Self, TableError> {
         let text = String::from_utf8(bytes).map_err(|_| TableError::File("is no text".to_owned()))?;
         // Spreadsheets write a byte order mark.
-        let text = match text.strip_prefix('\u{feff}') {
+        let mut text = match text.strip_prefix('\u{feff}') {
             Some(rest) => rest.to_owned(),
             None => text,
         };
-        let (text, cut) = match text.rsplit_once('\n') {
-            Some((whole, cut)) => (format!("{whole}\n"), cut.to_owned()),
-            None => (String::new(), text),
-        };
+        let cut = text.split_off(text.rfind('\n').map_or(0, |at| at + 1));
         let lines = text.lines().count();
         let has_header = text.lines().any(|line| !line.starts_with('#'));
         let is_killed_log = has_header && text.starts_with(&format!("# {RECORDED_BY}="));
