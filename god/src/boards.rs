@@ -336,10 +336,17 @@ impl<'a> Boards<'a> {
                 self.listen_until(self.io.after_us(WAKE_POLL_US)).await;
                 left = left.difference(self.get(left, Property::STAT).await.filter(|stat| stat == 2));
             }
-            self.set(asleep.difference(left), Property::LFLAGS, REPORTS).await;
-            awake = awake.union(asleep.difference(left));
+            let woken = asleep.difference(left);
+            self.set(woken, Property::LFLAGS, REPORTS).await;
+            self.set_own_units(woken).await;
+            awake = awake.union(woken);
         }
         awake
+    }
+
+    /// Makes boards speak this project's units until their next start, whatever HOSTUNITS they have stored for another host.
+    pub async fn set_own_units(&self, motors: Motors) {
+        self.set(motors, Property::HOSTUNITS, 0).await;
     }
 
     /// Returns MODE and END as a motor's board stated them since the last call.

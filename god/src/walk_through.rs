@@ -107,7 +107,10 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
 }
 
 async fn wake(god: &God<'_>) -> Status {
-    if god.boards.wake(Motors::ALL).await == Motors::ALL { Status::OK } else { Status::NO_BOARD }
+    let awake = god.boards.wake(Motors::ALL).await;
+    // Boards that another host has woken may speak that host's units.
+    god.boards.set_own_units(awake).await;
+    if awake == Motors::ALL { Status::OK } else { Status::NO_BOARD }
 }
 
 /// SAVE (manual 3, step 17): switches motors off, because only the position of a motor at rest can be trusted; then each board saves its

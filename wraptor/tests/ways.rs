@@ -54,6 +54,23 @@ fn every_call_does_the_same_on_every_way() {
     });
 }
 
+/// Boards whose HOSTUNITS is another hand's, asleep and awake: a hand that took its positions in those units would never come home.
+#[test]
+fn hand_by_can_makes_boards_of_another_host_speak_its_units() {
+    let served = Served::new(&["bus", "--nodes", "1-7", "--slcan", "127.0.0.1:0", "--host-units", "280"], 1);
+    let awake: Vec<Node> = (1..=3).map(node).collect();
+    Bus::slcan(served.place("slcan"), HANGS)
+        .expect("the adapter is free")
+        .wake(&awake, HANGS)
+        .expect("awake");
+    let mut hand = Connect::can(served.place("slcan")).connect(HANGS).expect("connected");
+    let units = hand.get("1234567", Property::HOSTUNITS, HANGS).expect("units");
+    assert_eq!(units.iter().map(|(_, units)| *units).collect::<Vec<_>>(), [0; 7]);
+    hand.find_zero("X1234567", HANGS, &mut no_progress).expect("homed");
+    hand.move_halls("12", 250, HANGS, &mut no_progress).expect("moved");
+    stand(&mut hand, &[(1, 250), (2, 250), (5, 66)]);
+}
+
 fn session(connect: &Connect) {
     let mut hand = connect.connect(HANGS).expect("connected");
     assert_eq!(hand.version(), 600);

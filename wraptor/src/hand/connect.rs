@@ -218,16 +218,15 @@ fn prepare(hand: &mut Hand, boards: Boards, deadline: &Deadline) -> Result<(), C
     if boards == Boards::Any {
         return Ok(());
     }
-    let mut states = hand.boards(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
-    if boards == Boards::Wake && states.contains(&BoardState::Asleep) {
+    if boards == Boards::Wake {
         // ERR 1: the states tell which.
         if let Err(error) = hand.wake(deadline.remaining())
             && !matches!(error.failure, Failure::Status(_))
         {
             return Err(of_call(error, deadline));
         }
-        states = hand.boards(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
     }
+    let states = hand.boards(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
     of_states(&states)
 }
 
