@@ -9,7 +9,7 @@ use hil_sim::torture::{Outcome, Selection, Violation, run, shrink};
 use rand_pcg::Pcg64Mcg;
 use tater_wire::FaultCode;
 
-/// Seeds of the sample in the tests; `cargo xtask ci` plays fresh ones for minutes.
+/// Seeds of the sample in the tests; `cargo xtask ci` plays a thousand, always the same, and `cargo xtask fresh` new ones.
 const SEEDS: u64 = 40;
 
 /// The seeds that have ever failed, with what they found: each is played again.

@@ -283,6 +283,39 @@ fn truth_shows_the_radian_that_a_host_of_the_bh8_280_asks_for() {
     assert!(number(1, "position_counts").abs() < 1.0, "{answer}");
 }
 
+/// V closes a finger into its stop: on the way the truth has a velocity, and at the stop a torque and a contact.
+#[test]
+fn truth_shows_motion_and_contact() {
+    let (served, truth) = serve_truth("11", "0");
+    let mut truth = asker(&truth);
+    let mut host = connect(&served);
+    host.write_all(b"C\rS8\rO\r").expect("written");
+    read_to(&mut host, "\x07\r\r");
+    (0..QUESTIONS)
+        .find(|_| {
+            host.write_all(b"t00B485000200\rt00B105\rV\r").expect("written");
+            read_to(&mut host, "V0100\r").contains("t566485000200")
+        })
+        .expect("awake");
+    // MT 200, MODE 4, V 300.
+    host.write_all(b"t00B4AB00C800\rt00B488000400\rt00B4AC002C01\r").expect("written");
+    let mut moved = false;
+    let pressed = (0..QUESTIONS).find_map(|_| {
+        // Each question is a frame of the host that HOSTMS waits for.
+        host.write_all(b"t00B108\rV\r").expect("written");
+        read_to(&mut host, "V0100\r");
+        let motor = ask_truth(&mut truth)["motors"][0].clone();
+        let number = |key: &str| motor[key].as_f64().expect("a number");
+        moved |= number("velocity_counts_per_s") > 200.0 && number("velocity_rad_per_s") > 1.0;
+        (motor["contact"] == true && number("velocity_counts_per_s").abs() < 1.0).then_some(motor)
+    });
+    let motor = pressed.expect("a contact");
+    assert!(moved, "{motor}");
+    // MT 200 of 1575 units a N·m; the stop pushes back.
+    assert!(motor["torque_n_m"].as_f64().is_some_and(|n_m| n_m > 0.1), "{motor}");
+    assert!(motor["contact_n_m"].as_f64().is_some_and(|n_m| n_m < -0.01), "{motor}");
+}
+
 #[test]
 fn truth_answers_every_line_once_and_nothing_else() {
     let (_served, truth) = serve_truth("4", "0");

@@ -9,7 +9,9 @@ const ROLE: u8 = 1;
 const STAT: u8 = 5;
 const MODE: u8 = 8;
 const CMD: u8 = 29;
+const GRPA: u8 = 26;
 const P: u8 = 48;
+const M: u8 = 58;
 const HSG: u8 = 71;
 const LSG: u8 = 72;
 const END: u8 = 115;
@@ -90,6 +92,48 @@ fn goal_beyond_the_joint_moves_nothing<S: Station>(host: &mut Host<S>) {
     assert_eq!(host.get(FINGER, CT), 346);
 }
 
+/// M and P beyond the joint are refused like E, and so is the next MODE 5.
+fn order_beyond_the_joint_moves_nothing<S: Station>(host: &mut Host<S>) {
+    home(host, &[FINGER]);
+    for (property, mode) in [(M, 0), (P, 3)] {
+        host.set(FINGER, MODE, mode);
+        host.sleep_ms(100);
+        host.set(FINGER, property, 3995);
+        host.sleep_ms(1000);
+        host.set(FINGER, MODE, 5);
+        host.sleep_ms(1000);
+        host.clear();
+        assert!(host.get(FINGER, P).abs() <= 4, "{property}: {}", host.get(FINGER, P));
+        host.set(FINGER, MODE, 0);
+    }
+}
+
+/// Barrett's hands listen to group 7, and hosts with a hand alone on the bus store 8.
+fn groups_of_barretts_hands_reach_their_members<S: Station>(host: &mut Host<S>) {
+    wake(host);
+    for (group, members) in [(7, true), (8, false)] {
+        host.set(0x400 | group, HSG, 200 + i32::from(group));
+        host.sleep_ms(5);
+        host.clear();
+        assert_eq!(host.get(FINGER, HSG) == 200 + i32::from(group), members, "group {group}");
+    }
+    host.set(FINGER, GRPA, 8);
+    host.set(0x408, HSG, 208);
+    host.sleep_ms(5);
+    host.clear();
+    assert_eq!((host.get(FINGER, HSG), host.get(OTHER, HSG)), (208, 207));
+}
+
+#[test]
+fn order_beyond_the_joint_moves_no_native_board() {
+    order_beyond_the_joint_moves_nothing(&mut native(&[FINGER]));
+}
+
+#[test]
+fn groups_of_barretts_hands_reach_native_boards() {
+    groups_of_barretts_hands_reach_their_members(&mut native(&[FINGER, OTHER]));
+}
+
 #[test]
 fn strain_limits_of_zero_end_no_move_of_a_native_board() {
     strain_limits_of_zero_end_nothing(&mut native(&[FINGER]));
@@ -111,4 +155,6 @@ fn emulated_boards_do_the_same() {
     goal_beyond_the_joint_moves_nothing(&mut emulated(&programs, &[FINGER, OTHER]));
     get_of_any_length_is_answered(&mut emulated(&programs, &[FINGER]));
     strain_limits_of_zero_end_nothing(&mut emulated(&programs, &[FINGER]));
+    order_beyond_the_joint_moves_nothing(&mut emulated(&programs, &[FINGER]));
+    groups_of_barretts_hands_reach_their_members(&mut emulated(&programs, &[FINGER, OTHER]));
 }

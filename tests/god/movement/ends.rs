@@ -72,6 +72,22 @@ fn tc_with_hold_presses_after_the_prompt() {
     assert_eq!(session.hand.bus().stats().frames, frames, "no keep-alives are left");
 }
 
+/// 0 is what Barrett's hosts write for "no limit"; at rest the gauge reads 128.
+#[test]
+fn strain_limit_of_0_ends_no_motion_and_one_below_the_gauge_ends_each() {
+    let mut session = initialized();
+    for line in ["FSET HSG 0 LSG 0", "C", "M 5500", "MPER 20", "GWM 5500", "O"] {
+        assert_eq!(session.run(line), "", "{line}");
+    }
+    assert_near(&session, [0; 7], "O");
+    assert_eq!(session.run("1FSET HSG 100"), "");
+    // C and O do not say that they have not arrived.
+    for (line, answer) in [("1M 5500", "ERR 16"), ("1MPER 30", "ERR 16"), ("1C", ""), ("1O", "")] {
+        assert_eq!(session.run(line), answer, "{line}");
+        assert_near(&session, [0; 7], line);
+    }
+}
+
 fn prepare_grip_beside_slow_motor(session: &mut Session) {
     for line in ["X12FSET HOLD 1", "X1M 18000", "X2FSET MCV 60"] {
         assert_eq!(session.run(line), "", "{line}");

@@ -26,6 +26,8 @@ fn each_command_reaches_its_goals() {
         // CT: 18200, 9300.
         ("MPER 50", [165, 165, 165, 85, 44, 44, 44]),
         ("GMPER -5", [-17, -17, -17, 85, -4, -4, -4]),
+        // Where C goes, which a finger's tip follows too (decision 0001).
+        ("MPER 100", [331, 331, 331, 166, 88, 88, 88]),
         ("C", [331, 331, 331, 166, 88, 88, 88]),
         ("O", [0; 7]),
         ("12IC 5500", [100, 100, 0, 0, 27, 27, 0]),
@@ -62,6 +64,16 @@ fn wm_tips_keep_their_direction() {
         assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
+}
+
+/// The manual's example turns tips that are open beyond their stops, at -8690 counts (decision 0001).
+#[test]
+fn wm_of_the_manual_reaches_its_goal_with_tips_that_have_room() {
+    let mut session = initialized();
+    assert_eq!(session.run("12WM 12000"), "ERR 16");
+    assert_eq!(session.run("HOME"), "");
+    assert_eq!(session.run("X56M 1000"), "");
+    assert_eq!(session.run("12WM 12000"), "");
 }
 
 #[test]
