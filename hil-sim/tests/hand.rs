@@ -7,10 +7,10 @@ mod soak;
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{Shutdown, TcpStream, UdpSocket};
+use std::net::{Shutdown, SocketAddrV4, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{RecvTimeoutError, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
@@ -688,6 +688,40 @@ fn hand_is_discovered_and_obeys_no_datagram() {
     let answers = (0..2000).take_while(|_| socket.recv_from(&mut [0; 64]).is_ok()).count();
     assert!((1..40).contains(&answers), "{answers}");
     assert!(ask(&mut host, "VERS").contains("600"));
+}
+
+/// Ports that flood at once.
+const FLOODING: usize = 64;
+
+/// Searches during a flood, and the time of each.
+const SEARCHES: usize = 10;
+const SEARCH: Duration = Duration::from_millis(500);
+
+#[test]
+fn flood_from_64_ports_hides_the_hand_from_no_search() {
+    let served = Served::new(&[&TCP[..], &["--discovery", "127.0.0.1:0"]].concat(), 2);
+    let asked: SocketAddrV4 = served.place("discovery").parse().expect("an address");
+    let gcl: SocketAddrV4 = served.place("gcl").parse().expect("an address");
+    let (flooding, over) = channel::<()>();
+    let flood = thread::spawn(move || {
+        let sockets = [(); FLOODING].map(|()| udp());
+        let mut sent = 0_u64;
+        while over.try_recv() == Err(TryRecvError::Empty) {
+            for datagram in [&[0, 0, 0, 0xF8][..], &[0, 0, 0, 0xF6], &[0xFF; 100]] {
+                sockets.iter().for_each(|socket| sent += u64::from(socket.send_to(datagram, asked).is_ok()));
+            }
+        }
+        sent
+    });
+    let is_found = |_: &usize| {
+        let hands = wraptor::discover(&[asked], SEARCH).expect("it asks");
+        hands.iter().any(|hand| hand.address == gcl)
+    };
+    let found = (0..SEARCHES).filter(is_found).count();
+    drop(flooding);
+    let sent = flood.join().expect("it ends");
+    // UDP may lose a question, and a busy machine the processor.
+    assert!(found >= SEARCHES - 1, "{found} of {SEARCHES} searches, {sent} datagrams of a flood");
 }
 
 /// A program that starts a hand waits for its address, and would take this one for ready.

@@ -7,6 +7,7 @@
 //! | 00 00 00 F6 | 00 00 00 F7, 20 bytes of firmware and device, hardware address: 30 bytes |
 //! | 00 00 00 F8 | 00 00 00 F9, the setup record of 120 bytes: from 0 the IP address, from 20 the TCP port, low byte first |
 
+use std::collections::HashMap;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::thread::park_timeout;
@@ -26,19 +27,23 @@ const PORT: u16 = 30718;
 /// Where the broadcasts of this machine's own network arrive, and no unicast does.
 const LOOPBACK_BROADCAST: Ipv4Addr = Ipv4Addr::new(127, 255, 255, 255);
 
-/// Bytes of questions that wait, with the kernel's own: some ten. After a flood the next question waits for no more answers than these.
+/// Receive buffer, bytes: it holds what a flood sends during [`PAUSE`], and the question behind it. The kernel may grant less: Linux's default limit
+/// is room for some 500 short datagrams.
 #[cfg(unix)]
-const WAITING: usize = 4096;
+const WAITING: usize = 1 << 20;
 
-/// Pause after a datagram: a flood costs 1000 looks a second. What does not fit into the socket's buffer meanwhile is lost, as UDP may.
-const BETWEEN: Duration = Duration::from_millis(1);
+/// Most datagrams read before a pause: they bound the share of a processor that a flood costs, and no question is lost in a slower flood. What does
+/// not fit into the socket's buffer meanwhile is lost, as UDP may.
+const BURST: usize = 1024;
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// Most answers to one host in [`SPAN`], twice what a search asks.
-const ANSWERS: u32 = 8;
+const ANSWERS: u8 = 8;
 const SPAN: Duration = Duration::from_secs(1);
 
-/// Most hosts that are answered in [`SPAN`].
-const HOSTS: usize = 32;
+/// Most hosts, by address and port, that are answered in [`SPAN`]. They bound what forged questions can make the hand send to others: 2048
+/// answers of 124 bytes a second.
+const HOSTS: usize = 256;
 
 /// Time before reading again after an error, which an answer to a host that has gone can cause.
 const RETRY: Duration = Duration::from_millis(100);
@@ -54,30 +59,30 @@ const RECORD_PORT: usize = 20;
 /// Bytes of firmware and device before the hardware address.
 const FIRMWARE: usize = 20;
 
-/// A host that was answered in the last [`SPAN`].
-struct Host {
-    address: SocketAddr,
-    answers: u32,
+/// Hosts that were answered in the present [`SPAN`]. Floods from fewer than [`HOSTS`] ports take nothing from other hosts.
+struct Hosts {
+    answers: HashMap<SocketAddr, u8>,
     span: Deadline,
 }
 
-/// Hosts that were answered. One that floods takes nothing from the others.
-#[derive(Default)]
-struct Hosts(Vec<Host>);
-
 impl Hosts {
-    /// Counts an answer to a host; whether it may have it.
+    fn new() -> Self {
+        Self { answers: HashMap::with_capacity(HOSTS), span: Deadline::after(SPAN) }
+    }
+
+    /// Counts an answer to a host. Returns whether the host gets it.
     fn admit(&mut self, address: SocketAddr) -> bool {
-        self.0.retain(|host| !host.span.is_over());
-        if let Some(host) = self.0.iter_mut().find(|host| host.address == address) {
-            host.answers += 1;
-            return host.answers <= ANSWERS;
+        if self.span.is_over() {
+            self.answers.clear();
+            self.span = Deadline::after(SPAN);
         }
-        let has_room = self.0.len() < HOSTS;
-        if has_room {
-            self.0.push(Host { address, answers: 1, span: Deadline::after(SPAN) });
+        if self.answers.len() >= HOSTS && !self.answers.contains_key(&address) {
+            return false;
         }
-        has_room
+        let answers = self.answers.entry(address).or_default();
+        let is_admitted = *answers < ANSWERS;
+        *answers += u8::from(is_admitted);
+        is_admitted
     }
 }
 
@@ -155,22 +160,42 @@ fn bind_shared(address: SocketAddrV4) -> io::Result<UdpSocket> {
 fn serve(socket: UdpSocket, gcl: SocketAddrV4) -> io::Result<()> {
     #[cfg(unix)]
     rustix::net::sockopt::set_socket_recv_buffer_size(&socket, WAITING)?;
+    let mut answerer = Answerer { socket, gcl, hosts: Hosts::new() };
     thread::start(move || {
-        let (mut datagram, mut hosts) = ([0; QUESTION + 1], Hosts::default());
         loop {
-            let Ok((len, host)) = socket.recv_from(&mut datagram) else {
-                park_timeout(RETRY);
-                continue;
-            };
-            if let Some(answer) = answer(&datagram[..len], gcl)
-                && hosts.admit(host)
-            {
-                // A host that is gone asks no more.
-                let _ = socket.send_to(&answer, host);
-            }
-            park_timeout(BETWEEN);
+            park_timeout(if answerer.turn().is_ok() { PAUSE } else { RETRY });
         }
     })
+}
+
+struct Answerer {
+    socket: UdpSocket,
+    gcl: SocketAddrV4,
+    hosts: Hosts,
+}
+
+impl Answerer {
+    /// Waits for a datagram, then empties the socket: a full socket drops the next question.
+    fn turn(&mut self) -> io::Result<()> {
+        self.socket.set_nonblocking(false)?;
+        self.receive()?;
+        self.socket.set_nonblocking(true)?;
+        // An error: the socket is empty.
+        let _ = (1..BURST).try_for_each(|_| self.receive());
+        Ok(())
+    }
+
+    fn receive(&mut self) -> io::Result<()> {
+        let mut datagram = [0; QUESTION + 1];
+        let (len, host) = self.socket.recv_from(&mut datagram)?;
+        if let Some(answer) = answer(&datagram[..len], self.gcl)
+            && self.hosts.admit(host)
+        {
+            // A host that is gone asks no more.
+            let _ = self.socket.send_to(&answer, host);
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -202,7 +227,7 @@ mod tests {
     #[test]
     fn host_that_floods_is_answered_a_little_and_others_as_ever() {
         let host = |port| SocketAddr::from(([10, 0, 0, 1], port));
-        let mut hosts = Hosts::default();
+        let mut hosts = Hosts::new();
         let answered = (0..1000).filter(|_| hosts.admit(host(1))).count();
         assert_eq!(answered, ANSWERS as usize);
         let others = (2..1000).filter(|&port| hosts.admit(host(port))).count();
