@@ -5,6 +5,8 @@
 #[path = "hand/soak.rs"]
 mod soak;
 
+#[cfg(target_os = "linux")]
+use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, SocketAddrV4, TcpStream, UdpSocket};
@@ -386,6 +388,49 @@ fn second_host_is_refused_with_the_address_of_the_first() {
     let first = host.local_addr().expect("connected");
     assert!(text.starts_with(&format!("\r\n\rbusy: {first} speaks with the hand")), "{text:?}");
     assert_eq!(ask(&mut host, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+}
+
+/// Clients that a hand with a host refuses, and how many of them stay open.
+#[cfg(target_os = "linux")]
+const REFUSED: usize = 3_300;
+#[cfg(target_os = "linux")]
+const STAY_OPEN: usize = 400;
+
+/// Files of refused clients: 64 that are refused, 16 events, and one each that waits for the host's place, that the server handles, and that the
+/// listener has accepted.
+#[cfg(target_os = "linux")]
+const REFUSED_FILES: usize = 64 + 16 + 3;
+
+#[cfg(target_os = "linux")]
+#[test]
+fn refused_clients_cost_no_thread_and_few_files() {
+    let served = Served::new(&TCP, 1);
+    let mut host = served.host();
+    let count =
+        |folder: &str| fs::read_dir(format!("/proc/{}/{folder}", served.id())).expect("it runs").count();
+    let (threads, files) = (count("task"), count("fd"));
+    let (mut most_threads, mut most_files) = (0, 0);
+    let mut open = VecDeque::new();
+    for number in 0..REFUSED {
+        open.push_back(served.connect("gcl"));
+        if open.len() > STAY_OPEN {
+            open.pop_front();
+        }
+        if number % 50 == 0 {
+            most_threads = most_threads.max(count("task"));
+            most_files = most_files.max(count("fd"));
+        }
+        if number % 300 == 0 {
+            assert_eq!(ask(&mut host, "frob"), "frob\r\n\rERR 32\r\n\r=> ", "client {number}");
+            let mut second = served.connect("gcl");
+            // It may be refused and closed already.
+            let _ = second.write_all(b"\r");
+            let text = read_to(&mut second, "never").expect_err("it is refused");
+            assert!(text.starts_with("\r\n\rbusy: "), "client {number}: {text:?}");
+        }
+    }
+    assert_eq!(most_threads, threads);
+    assert!(most_files <= files + REFUSED_FILES, "{most_files} files, {files} before");
 }
 
 /// Unread bytes wait in the kernel, not in the hand.

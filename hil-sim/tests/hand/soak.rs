@@ -26,7 +26,8 @@ const WARM: f64 = 0.4;
 /// buffers are warm. In ten hours 17,000 clients lie between the medians: 64 bytes that each of them leaks are found.
 const GROWTH_KIB: f64 = 1024.0;
 
-/// Round trips in which the threads and files of clients that have left must be gone. A refused client's thread waits 100 ms for it.
+/// Round trips in which the threads and files of clients that have left must be gone. The hand looks at refused clients every
+/// 10 ms.
 const SETTLES: usize = 10_000;
 
 /// What the system says of the hand's process while one idle host is connected.

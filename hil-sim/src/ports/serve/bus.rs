@@ -9,7 +9,7 @@ use super::args::{BusArgs, Place};
 use super::can::CanPort;
 use super::event::{Clock, EVENTS, Event, NewClient, Protocol, SLICE_US, WAIT};
 use super::pace::Pace;
-use super::tcp::{self, Client};
+use super::tcp::{self, Client, Refusals};
 use super::truth;
 use crate::ports::output::{print, warn};
 use crate::ports::slcan::Slcan;
@@ -55,6 +55,7 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         truth: truth::line,
         askers: truth::Clients::default(),
         waiting: None,
+        refusals: Refusals::default(),
         leaves_us: None,
         unparsed: Vec::new(),
         clients: 0,
@@ -79,6 +80,7 @@ struct Server<S> {
     host: Host,
     /// Who wants to be the host, and until when it is not known whether the present one leaves, µs.
     waiting: Option<(NewClient, u64)>,
+    refusals: Refusals,
     /// Bytes received while the adapter's queue was full.
     unparsed: Vec<u8>,
     /// Until when a host that has closed is kept, so that its last frames leave; µs.
@@ -102,6 +104,7 @@ impl<S: Station> Server<S> {
             self.askers.serve(|| truth(bus));
             self.let_go();
             self.refuse_waiting();
+            self.refusals.serve();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
             // Frames stay in the interface. A client's bytes stay in its socket, and its end and the next client are noticed.
             if matches!(self.host, Host::Can(_)) && self.bus.waiting() >= QUEUE {
@@ -124,7 +127,7 @@ impl<S: Station> Server<S> {
         match event {
             Event::Client(client) if client.protocol == Protocol::Truth => {
                 self.clients += 1;
-                self.askers.connected(client, self.clients, self.sender.clone());
+                self.askers.connected(client, self.clients, self.sender.clone(), &mut self.refusals);
             }
             Event::Client(client) => self.connected(client),
             Event::Bytes(number, bytes) if self.is_client(number) => {
@@ -159,11 +162,11 @@ impl<S: Station> Server<S> {
         }
         if let Err(two) = self.bus.plug_host(&client.peer, Adapter::default()) {
             warn(&two.to_string());
-            tcp::refuse(client, &two.to_string());
+            self.refusals.refuse(client, &two.to_string());
             return;
         }
         self.clients += 1;
-        match tcp::accept(client, self.clients, self.sender.clone()) {
+        match tcp::accept(client, self.clients, self.sender.clone(), &mut self.refusals) {
             Some(link) => {
                 warn(&format!("{} is the host", link.peer));
                 self.host = Host::Slcan(Client::new(link, Slcan::default()));
@@ -188,7 +191,7 @@ impl<S: Station> Server<S> {
             && let Err(two) = self.bus.plug_host(&client.peer, Adapter::default())
         {
             warn(&two.to_string());
-            tcp::refuse(client, &two.to_string());
+            self.refusals.refuse(client, &two.to_string());
         }
     }
 

@@ -28,7 +28,7 @@ use super::event::{Clock, EVENTS, Event, NewClient, Protocol, SLICE_US, WAIT, ba
 use super::link::{CHUNK, Link};
 use super::pace::Pace;
 use super::pty;
-use super::tcp::{self, Client};
+use super::tcp::{self, Client, Refusals};
 use super::telnet::{Heard, Telnet};
 use crate::ports::output::{print, warn};
 use crate::ports::state_file::{StateFile, When};
@@ -145,6 +145,7 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         waiting: None,
         terminal,
         watchers: Vec::new(),
+        refusals: Refusals::default(),
         events,
         sender,
         links: 0,
@@ -203,6 +204,7 @@ struct Server {
     waiting: Option<(NewClient, u64)>,
     terminal: Option<Terminal>,
     watchers: Vec<Client>,
+    refusals: Refusals,
     events: Receiver<Event>,
     sender: SyncSender<Event>,
     links: u64,
@@ -233,6 +235,7 @@ impl Server {
             self.send_output();
             self.serve_leaving();
             self.serve_waiting();
+            self.refusals.serve();
             self.reopen_terminal();
             self.send_frames();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
@@ -367,11 +370,11 @@ impl Server {
         if let Some(link) = self.link() {
             let why = format!("{} speaks with the hand, and one host does at a time", link.peer);
             warn(&format!("{} refused: {why}", client.peer));
-            tcp::refuse(client, &why);
+            self.refusals.refuse(client, &why);
             return;
         }
         self.links += 1;
-        if let Some(link) = tcp::accept(client, self.links, self.sender.clone()) {
+        if let Some(link) = tcp::accept(client, self.links, self.sender.clone(), &mut self.refusals) {
             warn(&format!("{} is the host", link.peer));
             self.telnet = Telnet::default();
             self.host = Host::Tcp(link);
@@ -380,11 +383,11 @@ impl Server {
 
     fn watcher_connected(&mut self, client: NewClient) {
         if self.watchers.len() >= WATCHERS {
-            tcp::refuse(client, &format!("{WATCHERS} tools are watching already"));
+            self.refusals.refuse(client, &format!("{WATCHERS} tools are watching already"));
             return;
         }
         self.links += 1;
-        if let Some(link) = tcp::accept(client, self.links, self.sender.clone()) {
+        if let Some(link) = tcp::accept(client, self.links, self.sender.clone(), &mut self.refusals) {
             warn(&format!("{} watches the bus", link.peer));
             if self.watchers.is_empty() {
                 self.hand.bus_mut().tap(true);

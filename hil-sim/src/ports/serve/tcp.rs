@@ -1,5 +1,6 @@
 //! Clients over TCP.
 
+use std::collections::VecDeque;
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -16,13 +17,19 @@ use super::event::{Event, NewClient, Protocol, bad};
 use super::link::Link;
 use crate::ports::output::warn;
 use crate::ports::thread;
-use wraptor::configure_tcp;
+use wraptor::{Deadline, configure_tcp};
 
-/// Time for a refused client to read the reason and close.
-const REFUSAL_TIMEOUT: Duration = Duration::from_millis(100);
+/// Most refused clients whose connections are open; the oldest makes room.
+const REFUSALS: usize = 64;
 
-/// Chunks of its input discarded at most.
-const REFUSAL_READS: usize = 16;
+/// Time for a refused client to read the reason and close: round trips of a slow network.
+const REFUSAL_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Interval between two looks at the refused clients.
+const REFUSAL_INTERVAL: Duration = Duration::from_millis(10);
+
+/// Input of a refused client discarded in a look, bytes.
+const REFUSAL_INPUT: usize = 1 << 12;
 
 /// Delay before accepting again after an error: without free file descriptors, accept fails at once until one is closed.
 const ACCEPT_RETRY: Duration = Duration::from_millis(100);
@@ -85,30 +92,63 @@ fn client(stream: TcpStream, protocol: Protocol) -> NewClient {
     NewClient { stream, peer, protocol }
 }
 
-/// Sends the reason and closes. SLCAN clients skip such a line.
-pub fn refuse(mut client: NewClient, why: &str) {
-    let text = match client.protocol {
-        Protocol::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
-        Protocol::Slcan => format!("error: {why}\r\x07"),
-        Protocol::Truth => format!("{{\"error\":\"{why}\"}}\n"),
-    };
-    // A new connection has room for it.
-    let _ = client.stream.set_nonblocking(true);
-    let _ = client.stream.write_all(text.as_bytes());
-    let _ = client.stream.set_nonblocking(false);
-    let _ = client.stream.shutdown(Shutdown::Write);
-    // In a thread: closing with unread input would discard the text before the client reads it. Without a thread it may be lost.
-    let _ = thread::start(move || {
-        let _ = client.stream.set_read_timeout(Some(REFUSAL_TIMEOUT));
-        // Bounded even for a client that keeps sending.
-        let mut discarded = [0; 1 << 12];
-        let _ = (0..REFUSAL_READS).find(|_| !client.stream.read(&mut discarded).is_ok_and(|len| len > 0));
-    });
+/// Refused clients whose connections are still open. Closing one with unread input would discard the reason before the client reads
+/// it. The server's own thread serves them: a thread for each would let any program that connects exhaust the machine's.
+#[derive(Default)]
+pub struct Refusals {
+    /// Oldest first, each until its deadline.
+    clients: VecDeque<(TcpStream, Deadline)>,
+    /// Until the next look.
+    pause: Option<Deadline>,
+}
+
+impl Refusals {
+    /// Sends the reason; [`Self::serve`] closes the connection. SLCAN clients skip such a line.
+    pub fn refuse(&mut self, mut client: NewClient, why: &str) {
+        let text = match client.protocol {
+            Protocol::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
+            Protocol::Slcan => format!("error: {why}\r\x07"),
+            Protocol::Truth => format!("{{\"error\":\"{why}\"}}\n"),
+        };
+        // A socket that blocks would block the server.
+        if client.stream.set_nonblocking(true).is_err() {
+            return;
+        }
+        // A new connection has room for it.
+        let _ = client.stream.write_all(text.as_bytes());
+        let _ = client.stream.shutdown(Shutdown::Write);
+        if self.clients.len() >= REFUSALS {
+            self.clients.pop_front();
+        }
+        self.clients.push_back((client.stream, Deadline::after(REFUSAL_TIMEOUT)));
+    }
+
+    /// Discards input, and closes the connections of clients that have closed theirs or had their time.
+    pub fn serve(&mut self) {
+        if self.clients.is_empty() || self.pause.is_some_and(|pause| !pause.is_over()) {
+            return;
+        }
+        self.pause = Some(Deadline::after(REFUSAL_INTERVAL));
+        self.clients.retain_mut(|(stream, deadline)| !deadline.is_over() && discard(stream));
+    }
+}
+
+/// Discards what a client has sent. Returns whether its connection is open.
+fn discard(stream: &mut TcpStream) -> bool {
+    match stream.read(&mut [0; REFUSAL_INPUT]) {
+        Ok(len) => len > 0,
+        Err(error) => matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted),
+    }
 }
 
 /// The client's bytes arrive as events with its number. `None` if the client has disconnected, or is refused because no thread
 /// can be started for it.
-pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> Option<Link> {
+pub fn accept(
+    client: NewClient,
+    number: u64,
+    events: SyncSender<Event>,
+    refusals: &mut Refusals,
+) -> Option<Link> {
     let NewClient { stream, peer, protocol } = client;
     // An error means that the client has disconnected.
     configure_tcp(&stream).ok()?;
@@ -118,7 +158,7 @@ pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> Opti
         Err(error) => {
             warn(&format!("{peer} refused: {error}"));
             if let Ok(stream) = refused {
-                refuse(NewClient { stream, peer, protocol }, &error.to_string());
+                refusals.refuse(NewClient { stream, peer, protocol }, &error.to_string());
             }
             None
         }

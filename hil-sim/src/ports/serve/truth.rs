@@ -10,7 +10,7 @@ use tater_wire::MotorKind;
 
 use super::event::{Event, NewClient};
 use super::link::Link;
-use super::tcp;
+use super::tcp::{self, Refusals};
 use crate::experiment::scenario::motor_name;
 use crate::ports::output::warn;
 use crate::world::bus::Bus;
@@ -124,14 +124,20 @@ impl Client {
 pub struct Clients(Vec<Client>);
 
 impl Clients {
-    pub fn connected(&mut self, client: NewClient, number: u64, events: SyncSender<Event>) {
+    pub fn connected(
+        &mut self,
+        client: NewClient,
+        number: u64,
+        events: SyncSender<Event>,
+        refusals: &mut Refusals,
+    ) {
         if self.0.len() >= CLIENTS {
             let why = format!("{CLIENTS} clients ask already");
             warn(&format!("{} refused: {why}", client.peer));
-            tcp::refuse(client, &why);
+            refusals.refuse(client, &why);
             return;
         }
-        if let Some(link) = tcp::accept(client, number, events) {
+        if let Some(link) = tcp::accept(client, number, events, refusals) {
             self.0.push(Client { link, asked: 0, after_cr: false, has_ended: false, out: Vec::new() });
         }
     }
