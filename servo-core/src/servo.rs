@@ -10,7 +10,7 @@ use crate::guard::arrival::{Arrival, arrived};
 use crate::guard::breakaway::Breakaway;
 use crate::guard::direction::{Direction, Verdict};
 use crate::guard::fault::{Condition, Fault, Faults};
-use crate::guard::limits::{AppliedTorque, TorqueEnvelope, TorqueLimiter};
+use crate::guard::limits::{AppliedTorque, LastTick, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
 use crate::guard::supply::RETURN_FROM;
@@ -894,7 +894,9 @@ impl Servo {
             }
         }
         let most = self.thermal.most();
-        let envelope = self.limiter.envelope(self.torque_ceiling(), most, self.emf(), sense.bus);
+        let (ceiling, emf) = (self.torque_ceiling(), self.emf());
+        let last = LastTick { current: sense.current, applied: &self.applied, counted };
+        let envelope = self.limiter.envelope(ceiling, most, emf, sense.bus, &last);
         let wanted = self.law(&envelope);
         self.applied = envelope.bound(wanted, self.applied.torque);
         self.forced = sense.bus > RETURN_FROM && self.is_forced(wanted);

@@ -28,8 +28,14 @@ const _: () = assert!(LITTLE_MA << 15 <= LEAST_DUTY * PEAK_MA);
 /// Consecutive ticks above `SHORT_MA` that are a fault. The comparator on the bridge acts within microseconds.
 const SHORT_MS: u8 = 5;
 
+/// Power that is noise, torque units²: two thirds of a step of the converter, 9.8 mA, at 24 V.
+const NOISE: i32 = 700;
+
 /// Recovery of the current limit, torque units a ms: full torque within 100 ms.
 const RECOVERY: i16 = 10;
+
+/// Largest EMF that can be missing, torque units: at 24 V no other adds to a torque.
+const MOST_EMF: i32 = 1024;
 
 /// No current limit: above every torque limit.
 const NO_CUT: i16 = 1024;
@@ -52,6 +58,22 @@ impl AppliedTorque {
     pub const OFF: Self = Self { duty: Duty::ZERO, volts: 0, torque: Torque::ZERO, limit: None };
 }
 
+/// What the last tick has applied, and what it has shown.
+#[derive(Clone, Copy, Debug)]
+pub struct LastTick<'a> {
+    /// Supply current, mean of the tick.
+    pub current: MilliAmps,
+    /// What was applied.
+    pub applied: &'a AppliedTorque,
+    /// Whether the hall count has changed.
+    pub counted: bool,
+}
+
+impl LastTick<'_> {
+    /// Bridge off, at rest.
+    pub const OFF: Self = Self { current: MilliAmps(0), applied: &AppliedTorque::OFF, counted: false };
+}
+
 /// The state of the limits of current and supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueLimiter {
@@ -59,12 +81,14 @@ pub struct TorqueLimiter {
     left: i16,
     /// Consecutive ticks with the current of a short circuit; `left` is then below `NO_CUT`.
     short_ms: u8,
+    /// EMF that the supply current has shown not to be there, torque units.
+    missing_emf: i32,
     supply: Supply,
 }
 
 impl Default for TorqueLimiter {
     fn default() -> Self {
-        Self { left: NO_CUT, short_ms: 0, supply: Supply::default() }
+        Self { left: NO_CUT, short_ms: 0, missing_emf: 0, supply: Supply::default() }
     }
 }
 
@@ -111,7 +135,14 @@ impl TorqueLimiter {
     /// The torque limits of this tick, within what the bus voltage leaves of an EMF within ±2^15 torque units.
     #[must_use]
     #[inline]
-    pub fn envelope(&self, mt: Torque, thermal: Torque, emf: i32, bus: MilliVolts) -> TorqueEnvelope {
+    pub fn envelope(
+        &mut self,
+        mt: Torque,
+        thermal: Torque,
+        emf: i32,
+        bus: MilliVolts,
+        last: &LastTick,
+    ) -> TorqueEnvelope {
         let current = Torque(self.left);
         let mut most = mt.min(thermal).min(current);
         let mut volts = volts(bus);
@@ -121,10 +152,43 @@ impl TorqueLimiter {
             volts = volts.min(i32::from(folded.0));
         }
         let most = i32::from(most.0);
+        // U·I is power, and no dead time enters it: I = mA·mV · 1024²/(24·9980·1000 · |U|) = (mA·mV · 1.148/256)/|U|, torque units.
+        let power = i32::from(last.current.0) * i32::from(bus.0);
+        let power = (power + (power >> 3)) >> 8;
+        let exceeds = power > last.applied.volts.abs() * (most + (most >> 3)) + NOISE;
+        let emf = if exceeds || self.missing_emf != 0 {
+            self.without_missing(emf, power - NOISE, most, last.applied, last.counted)
+        } else {
+            emf
+        };
         let within = |torque: i32| torque.max(-most).min(most);
         let high = within(volts - emf);
         let low = within(-(volts + emf));
         TorqueEnvelope { most, mt, thermal, current, low, high, volts, emf, bus }
+    }
+
+    /// `emf` without what the supply current of the last tick has shown not to be there: more current than the torque limit's flows only where
+    /// an EMF was compensated that the rotor does not have, of a speed or a Ke that is wrong. It stays missing until a count shows that the
+    /// rotor turns.
+    #[inline(never)]
+    fn without_missing(
+        &mut self,
+        emf: i32,
+        power: i32,
+        most: i32,
+        applied: &AppliedTorque,
+        counted: bool,
+    ) -> i32 {
+        let torque = i32::from(applied.torque.0);
+        let (volts, adds) = (applied.volts.abs(), (emf ^ torque) >= 0);
+        // An EMF that opposes the torque is no addition to it.
+        let over = if adds && volts > 0 { power / volts - (most + (most >> 3)) } else { -most };
+        // The current has risen to two thirds in the mean of its first tick.
+        let over = if over > 0 { over + over / 2 } else { over };
+        if over > 0 || counted {
+            self.missing_emf = (self.missing_emf + over).clamp(0, MOST_EMF);
+        }
+        if adds { emf.signum() * (emf.abs() - self.missing_emf).max(0) } else { emf }
     }
 }
 
@@ -317,7 +381,13 @@ mod tests {
     }
 
     fn envelope(mt: i16, speed: i16, bus: MilliVolts) -> TorqueEnvelope {
-        TorqueLimiter::default().envelope(Torque(mt), FULL, emf(CountsPerSec::from_int(speed)), bus)
+        TorqueLimiter::default().envelope(
+            Torque(mt),
+            FULL,
+            emf(CountsPerSec::from_int(speed)),
+            bus,
+            &LastTick::OFF,
+        )
     }
 
     fn bound(torque: i16, speed: i16, bus: MilliVolts) -> AppliedTorque {
@@ -350,7 +420,7 @@ mod tests {
     /// 400 units of EMF at duty 400/1024 have a ripple of 0.075·400·(1 − 0.39) = 18 units.
     #[test]
     fn dead_time_takes_nothing_where_the_ripple_of_the_current_passes_zero() {
-        let envelope = TorqueLimiter::default().envelope(FULL, FULL, 400, BUS);
+        let envelope = TorqueLimiter::default().envelope(FULL, FULL, 400, BUS, &LastTick::OFF);
         let lost = |torque: i16| {
             let bounded = envelope.bound(Torque(torque), Torque(torque));
             assert_eq!(bounded.volts, 400 + i32::from(torque));
@@ -418,22 +488,22 @@ mod tests {
     #[test]
     fn least_limit_governs() {
         let mut limits = TorqueLimiter::default();
-        let governing = |limits: &TorqueLimiter, thermal: i16| {
-            let envelope = limits.envelope(Torque(750), Torque(thermal), 0, BUS);
+        let governing = |limits: &mut TorqueLimiter, thermal: i16| {
+            let envelope = limits.envelope(Torque(750), Torque(thermal), 0, BUS, &LastTick::OFF);
             (envelope.most(), envelope.bound(Torque(900), Torque(900)).limit)
         };
-        assert_eq!(governing(&limits, 990), (Torque(750), Some(LimitCause::Torque)));
-        assert_eq!(governing(&limits, 300), (Torque(300), Some(LimitCause::Thermal)));
+        assert_eq!(governing(&mut limits, 990), (Torque(750), Some(LimitCause::Torque)));
+        assert_eq!(governing(&mut limits, 300), (Torque(300), Some(LimitCause::Thermal)));
         for _ in 0..30 {
             // Half duty: the bus carries half of a phase current of 13 A.
             assert!(!limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14)));
         }
-        let (least, by) = governing(&limits, 990);
+        let (least, by) = governing(&mut limits, 990);
         assert!(least < Torque(300) && by == Some(LimitCause::Current), "{least:?} by {by:?}");
         for _ in 0..100 {
             assert!(!limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14)));
         }
-        assert_eq!(governing(&limits, 990).1, Some(LimitCause::Torque));
+        assert_eq!(governing(&mut limits, 990).1, Some(LimitCause::Torque));
     }
 
     #[test]
@@ -475,6 +545,68 @@ mod tests {
         }
     }
 
+    /// A rotor that is estimated to run at 700 counts/s stands: 679 units of EMF are compensated, and 779 flow where 100 are allowed. 24 V and
+    /// a duty of 779/1024 of them draw 5.8 A.
+    #[test]
+    fn emf_that_the_supply_current_denies_is_taken_until_a_count() {
+        let mut limits = TorqueLimiter::default();
+        let most = Torque(100);
+        for sign in [1, -1] {
+            limits = TorqueLimiter::default();
+            let emf = sign * 679;
+            let applied =
+                AppliedTorque { volts: sign * 779, torque: Torque(100 * sign as i16), ..AppliedTorque::OFF };
+            let stands = LastTick { current: MilliAmps(5_776), applied: &applied, counted: false };
+            assert_eq!(limits.envelope(most, FULL, emf, BUS, &LastTick::OFF).emf, emf);
+            assert_eq!(limits.envelope(most, FULL, emf, BUS, &stands).emf, 0, "all of it");
+            let freed = AppliedTorque { volts: sign * 100, ..applied };
+            let fits = LastTick { current: MilliAmps(95), applied: &freed, counted: false };
+            assert_eq!(limits.envelope(most, FULL, emf, BUS, &fits).emf, 0, "it stays missing");
+            // A rotor that turns draws less: what it draws less is the EMF that it has.
+            let turns = LastTick { current: MilliAmps(20), counted: true, ..fits };
+            let given = limits.envelope(most, FULL, emf, BUS, &turns).emf * sign;
+            assert!(given == 0 && limits.missing_emf < 1000, "{given} {limits:?}");
+            let before = limits.missing_emf;
+            let _ = limits.envelope(most, FULL, emf, BUS, &turns);
+            assert!(limits.missing_emf < before, "{limits:?}");
+        }
+        // Braking: the EMF opposes the torque, and taking it would raise the voltage.
+        let braking = limits.envelope(
+            most,
+            FULL,
+            679,
+            BUS,
+            &LastTick {
+                current: MilliAmps(0),
+                applied: &AppliedTorque { volts: 579, torque: Torque(-100), ..AppliedTorque::OFF },
+                counted: false,
+            },
+        );
+        assert_eq!(braking.emf, 679);
+    }
+
+    /// At the limit, and with the noise of the converter: 9/8 and a step.
+    #[test]
+    fn current_of_the_torque_limit_takes_no_emf() {
+        for torque in [20, 100, 400, 750] {
+            for emf in [0, 100, 240] {
+                let mut limits = TorqueLimiter::default();
+                let volts = i32::from(torque) + emf;
+                let applied = AppliedTorque { volts, torque: Torque(torque), ..AppliedTorque::OFF };
+                let amps = i32::from(torque) * 9_980 / 1024 * volts / 1024 + 6;
+                let current = MilliAmps(i16::try_from(amps).expect("mA"));
+                let envelope = limits.envelope(
+                    Torque(torque),
+                    FULL,
+                    emf,
+                    BUS,
+                    &LastTick { current, applied: &applied, counted: false },
+                );
+                assert_eq!((envelope.emf, limits), (emf, TorqueLimiter::default()), "{torque} {emf}");
+            }
+        }
+    }
+
     #[test]
     fn voltage_limit_is_exact_for_every_bus_voltage() {
         for bus in 0..=u16::MAX {
@@ -489,7 +621,7 @@ mod tests {
         ) {
             let velocity = CountsPerSec(Law::from_bits(velocity));
             let most = Torque(most);
-            let bounded = TorqueLimiter::default().envelope(most, FULL, emf(velocity), MilliVolts(bus))
+            let bounded = TorqueLimiter::default().envelope(most, FULL, emf(velocity), MilliVolts(bus), &LastTick::OFF)
                 .bound(Torque(torque), Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
             prop_assert!(duty.unsigned_abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);

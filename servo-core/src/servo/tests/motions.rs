@@ -275,7 +275,7 @@ fn torque_of(control: PositionLoop, velocity: i16, config: Change) -> i16 {
     servo.motion = Motion::Position(control);
     servo.position = Counts::from_int(1);
     servo.velocity = CountsPerSec::from_int(velocity);
-    let envelope = servo.limiter.envelope(Torque(750), Torque(990), 0, MilliVolts(24_000));
+    let envelope = servo.limiter.envelope(Torque(750), Torque(990), 0, MilliVolts(24_000), &LastTick::OFF);
     servo.position_torque(&envelope).0
 }
 
