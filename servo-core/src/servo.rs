@@ -62,6 +62,10 @@ const SURE_SPEED: u16 = 100;
 /// this has met its stop; under less it may be stuck anywhere.
 const FRICTION: Torque = Torque(63);
 
+/// Counts that V orders within TSTOP from which a missing one is a stall in mode 4: a slower rotor may stick for as long. V 26 at TSTOP 300
+/// presses with 2·26 of its gain, 81 of friction and 40 of load.
+const STALL_WAY: i32 = 8;
+
 /// Events that wait to be fetched; the oldest is dropped when a host never asks.
 const EVENTS: usize = 8;
 
@@ -1367,7 +1371,10 @@ impl Servo {
             // These run until something stops them, however little torque a low gain asks for.
             Motion::TorqueControlled { closing } | Motion::Pressing { closing } => Some(*closing),
             Motion::Home { stage, .. } => Some(self.homing_velocity(*stage) > CountsPerSec::ZERO),
-            Motion::Velocity => self.applied.limit.and(direction(i32::from(self.applied.torque.0))),
+            Motion::Velocity if self.presses_by_velocity(tstop) => {
+                direction(i32::from(self.applied.torque.0))
+            }
+            Motion::Velocity => None,
             // ACCEL 0 cannot move: such a move ends as a stall instead of never.
             Motion::Move { .. } if self.tuning.config.accel == 0 => Some(self.end > self.position.round()),
             Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
@@ -1392,6 +1399,13 @@ impl Servo {
                 is_driven.then_some(lag > Counts::ZERO)
             }
         }
+    }
+
+    /// Whether a missing count in mode 4 is a stall: the torque is at a limit, or would move a joint and V would have moved it by some counts.
+    fn presses_by_velocity(&self, tstop: u16) -> bool {
+        let way = i32::from(self.velocity_wanted.0.to_num::<i16>()).abs() * i32::from(tstop);
+        self.applied.limit.is_some()
+            || self.applied.torque.saturating_abs() >= FRICTION && way >= STALL_WAY * TICK_HZ.cast_signed()
     }
 
     /// The direction of an end behind an obstacle that has just stalled the motor: the set-point has only begun to move towards it.

@@ -537,6 +537,27 @@ fn velocity_mode_rests_after_a_stall_before_it_presses_again() {
     }
 }
 
+/// TSTOP of a spread is 400 ms: eight counts are 20 counts/s. 63 units are a joint's friction.
+#[test]
+fn missing_count_of_mode_4_is_a_stall_at_a_limit_or_beyond_friction_at_speed() {
+    let most = LimitCause::Torque;
+    for (wanted, torque, limit, stalls) in [
+        (20, 63, None, true),
+        (-20, -63, None, true),
+        (19, 63, None, false),
+        (20, 62, None, false),
+        (1, 20, Some(most), true),
+        (1000, 0, None, false),
+    ] {
+        let mut bench = with(Motion::Velocity);
+        bench.servo.velocity_wanted = CountsPerSec::from_int(wanted);
+        bench.servo.applied.torque = Torque(torque);
+        bench.servo.applied.limit = limit;
+        let expected = stalls.then_some(torque > 0);
+        assert_eq!(bench.servo.drives(400), expected, "V {wanted}, {torque} by {limit:?}");
+    }
+}
+
 #[test]
 fn motion_keeps_the_load_of_a_hold_or_move_that_it_replaces() {
     let pid = loaded();

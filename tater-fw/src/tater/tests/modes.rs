@@ -215,7 +215,8 @@ fn brake_reads_as_commanded() {
 fn v_is_pending_until_a_motion_ends_and_no_host_inherits_it() {
     for node in [1, 4, 5] {
         let mut bench = Bench::new(node);
-        // 30 counts/s at KPV 32 are 60 units: no stall.
+        // A rotor that is not simulated never moves.
+        bench.set(Property::TSTOP, 0).expect("in range");
         bench.set(Property::V, 30).expect("in range");
         assert_eq!((bench.get(Property::VSET), bench.get(Property::V)), (Some(30), Some(0)), "pending");
         bench.set(Property::MODE, 4).expect("mode 4");
