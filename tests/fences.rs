@@ -6,6 +6,7 @@
 mod arrows;
 mod circles;
 mod docs;
+mod judge;
 mod lengths;
 mod metal;
 mod modules;

@@ -2,6 +2,7 @@
 
 mod arrival;
 mod chart;
+mod contact;
 mod emulated;
 mod fences;
 mod figures;

@@ -80,7 +80,16 @@ const ARROWS: [Arrows; 14] = [
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {
         package: "system-tests",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim", "board-emu", "wraptor"],
+        ours: &[
+            "servo-core",
+            "tater-wire",
+            "tater-fw",
+            "god",
+            "hil-sim",
+            "board-emu",
+            "wraptor",
+            "kinematics",
+        ],
         others: None,
     },
     Arrows {

@@ -1,0 +1,65 @@
+//! The true torque and force of a motor that meets a stop, an object or a person's finger, by the plant alone (docs/safety.md, docs/force.md):
+//! MT bounds the torque whatever the speed and the motor's constants are, and TSTOP its time.
+
+use hil_sim::board::SimBoard;
+use hil_sim::node::Node;
+use hil_sim::plant::{Heat, Model, PlantParams, Start};
+use hil_sim::rig::{Object, Rig, RigParams, Truth};
+use tater_wire::{Destination, Message, MotorKind, Node as Id, Property};
+
+mod force;
+mod stalls;
+mod torque;
+
+/// Torque units a N·m (decision 0003).
+const UNITS: f64 = 1575.0;
+
+/// Time between two looks at the plant, µs: a third of the winding's time constant.
+const LOOK_US: u64 = 100;
+
+const KINDS: [MotorKind; 3] = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
+
+/// One board that knows its motor's direction, awake.
+struct Bench {
+    node: Node,
+    id: Id,
+    now_us: u64,
+}
+
+impl Bench {
+    fn new(kind: MotorKind, plant: &PlantParams, from_count: f64, objects: &[Object]) -> Self {
+        let number = match kind {
+            MotorKind::Link => 1,
+            MotorKind::Spread => 4,
+            MotorKind::Tip => 5,
+        };
+        let id = Id::new(number).expect("a node");
+        let heat = Heat { winding_c: plant.ambient_c, housing_c: plant.ambient_c };
+        let start = Start { count: from_count.round(), counts_per_s: 0.0, heat };
+        let rig = Rig::new(plant.clone(), RigParams::default(), objects, Model::Averaged, start, 1);
+        let mut node = Node::awake(SimBoard::new(rig.expect("in range"), id));
+        node.trust_direction();
+        let now_us = node.board().rig().now_us();
+        Self { node, id, now_us }
+    }
+
+    fn set(&mut self, property: Property, value: i64) {
+        let message = Message::set(Destination::Node(self.id), property, value).expect("a value");
+        self.node.receive(&message.frame()).expect("taken");
+    }
+
+    /// Goes on by [`LOOK_US`], with a host that HOSTMS waits for.
+    fn look(&mut self) -> Truth {
+        if self.now_us.is_multiple_of(500_000) {
+            let message = Message::get(Destination::Node(self.id), Property::P);
+            self.node.receive(&message.frame()).expect("taken");
+        }
+        self.now_us += LOOK_US;
+        self.node.advance(self.now_us);
+        self.node.board().rig().truth()
+    }
+
+    fn ms(&self) -> f64 {
+        self.now_us as f64 * 1e-3
+    }
+}

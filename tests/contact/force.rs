@@ -1,0 +1,118 @@
+//! The table of docs/force.md: what fingers do to an object that they meet.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use kinematics::Hand;
+use tater_wire::{Cmd, MotorKind, Property};
+
+use super::{Bench, KINDS, LOOK_US};
+use hil_sim::plant::PlantParams;
+use hil_sim::rig::{Object, Side};
+
+/// Stiffness of what is met, N/mm: a tool of steel behind a finger's cover, a person's finger, a rubber ball.
+const OBJECTS: [(&str, f64); 3] = [("stiff", 300.0), ("person's finger", 30.0), ("soft", 3.0)];
+
+/// Damping of objects, s: its force is this part of the stiffness a unit of speed. Chosen: a fifth of critical for a link against a finger.
+const DAMPING_S: f64 = 4e-4;
+
+/// MT of the table, and MV and MCV, counts/s: a slow approach, and the highest value, which no motor reaches.
+const TORQUES: [i64; 3] = [100, 400, 750];
+const SPEEDS: [i64; 2] = [200, 4080];
+
+/// Where the object stands in the joint's range.
+const PLACE: f64 = 0.6;
+
+/// Distance of the contact from the joint's axis, m: the finger stretched, so that a link has its least force and its greatest speed.
+fn lever_m(kind: MotorKind) -> f64 {
+    let Hand { base_m, link_m, tip_m, .. } = Hand::default();
+    match kind {
+        MotorKind::Link => link_m + tip_m,
+        MotorKind::Spread => base_m + link_m + tip_m,
+        MotorKind::Tip => tip_m,
+    }
+}
+
+/// What an object felt.
+struct Squeeze {
+    /// Greatest force, N.
+    peak_n: f64,
+    /// Impulse until the force has come within 10 % of what stays, N·s, and that time, ms.
+    impulse_n_s: f64,
+    settled_ms: f64,
+    /// Force that stays after the end of the motion, N.
+    stays_n: f64,
+}
+
+fn squeeze(kind: MotorKind, n_per_mm: f64, mt: i64, speed: i64) -> Squeeze {
+    let plant = PlantParams::for_motor(kind);
+    let (lever_m, gear) = (lever_m(kind), plant.gear_ratio);
+    let stiffness = 1e3 * n_per_mm * (lever_m / gear).powi(2);
+    let object = Object {
+        from_count: plant.min_count + PLACE * (plant.max_count - plant.min_count),
+        stiffness_n_m_rad: stiffness,
+        damping_n_m_s: DAMPING_S * stiffness,
+        side: Side::Closing,
+    };
+    let mut bench = Bench::new(kind, &plant, plant.min_count, &[object]);
+    for (property, value) in [
+        (Property::MT, mt),
+        (Property::MV, speed),
+        (Property::MCV, speed),
+        (Property::HOLD, 0),
+        (Property::CMD, Cmd::Tc.into()),
+    ] {
+        bench.set(property, value);
+    }
+    // Of the contact: (ms, N), until a second after it.
+    let mut felt: Vec<(f64, f64)> = Vec::new();
+    while felt.first().is_none_or(|(at, _)| bench.ms() < at + 1_000.0) {
+        assert!(bench.ms() < 20_000.0, "{kind:?} at MT {mt} never meets its object");
+        let truth = bench.look();
+        let newton = (-truth.load_n_m * gear / lever_m).max(0.0);
+        if newton > 0.0 || !felt.is_empty() {
+            felt.push((bench.ms(), newton));
+        }
+    }
+    let (began_ms, stays_n) = (felt[0].0, felt[felt.len() - 1].1);
+    let peak_n = felt.iter().fold(0.0_f64, |most, (_, newton)| most.max(*newton));
+    let last = felt.iter().rposition(|(_, newton)| (newton - stays_n).abs() > 0.1 * peak_n).unwrap_or(0);
+    let impulse_n_s = felt[..=last].iter().map(|(_, newton)| newton * LOOK_US as f64 * 1e-6).sum();
+    Squeeze { peak_n, impulse_n_s, settled_ms: felt[last].0 - began_ms, stays_n }
+}
+
+fn table() -> String {
+    let mut text = String::new();
+    text.push_str("| joint | object | MT | MV, MCV, counts/s | peak, N | impulse, N·s | within 10 % after, ms | stays, N |\n");
+    text.push_str("|---|---|---|---|---|---|---|---|\n");
+    for kind in KINDS {
+        for (name, n_per_mm) in OBJECTS {
+            for mt in TORQUES {
+                for speed in SPEEDS {
+                    let found = squeeze(kind, n_per_mm, mt, speed);
+                    let _ = writeln!(
+                        text,
+                        "| {kind:?} | {name} | {mt} | {speed} | {:.0} | {:.2} | {:.0} | {:.0} |",
+                        found.peak_n, found.impulse_n_s, found.settled_ms, found.stays_n
+                    );
+                }
+            }
+        }
+    }
+    text
+}
+
+/// docs/force.md has this table. MAKE_FORCE_TABLE=1 rewrites it.
+#[test]
+fn table_of_forces_is_current() {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/force.md");
+    let page = std::fs::read_to_string(&path).expect("the page");
+    let begin = page.find("| joint | object |").expect("the table");
+    let end = begin + page[begin..].find("\n\n").expect("its end") + 1;
+    let table = table();
+    if std::env::var_os("MAKE_FORCE_TABLE").is_some() {
+        std::fs::write(&path, format!("{}{table}{}", &page[..begin], &page[end..])).expect("written");
+        return;
+    }
+    assert!(page[begin..end] == table, "docs/force.md: MAKE_FORCE_TABLE=1 cargo test -p system-tests force");
+}

@@ -1,0 +1,161 @@
+//! MT bounds the torque of a rotor that a stop holds, but for the milliseconds that the winding and the control take.
+
+use tater_wire::{MotorKind, Property};
+
+use super::{Bench, KINDS, LOOK_US, UNITS};
+use hil_sim::plant::PlantParams;
+
+use crate::chart::{self, BLUE, ORANGE, Panel, Points};
+
+/// Counts that the motor has to speed up in.
+const RUN_UP: f64 = 80.0;
+
+/// How long is looked after the contact, ms.
+const AFTER_MS: f64 = 150.0;
+
+/// A motor that closes into its stop in mode 4.
+#[derive(Clone, Debug)]
+struct Approach {
+    kind: MotorKind,
+    plant: PlantParams,
+    mt: i64,
+    speed: i64,
+    mke: i64,
+}
+
+impl Approach {
+    fn new(kind: MotorKind, mt: i64, speed: i64) -> Self {
+        let mke = Property::MKE.row().default_for_motor(kind).expect("a default");
+        Self { kind, plant: PlantParams::for_motor(kind), mt, speed, mke: mke.into() }
+    }
+
+    /// The torque of MT by this motor's own resistance and Ke, N·m.
+    fn own_n_m(&self) -> f64 {
+        let nominal = PlantParams::for_motor(self.kind);
+        self.mt as f64 / UNITS * (self.plant.ke_v_s / nominal.ke_v_s) * (nominal.r_ohm / self.plant.r_ohm)
+    }
+}
+
+/// What a stop felt.
+#[derive(Clone, Debug, Default)]
+struct Impact {
+    /// Time in the stop with more than 1.25 of the torque of MT, ms, and what more than 1.1 of it was beyond MT, mN·m·s.
+    over_ms: f64,
+    over_m_n_m_s: f64,
+    /// Phase current, A.
+    peak_a: f64,
+    /// Torque units by the time from the contact on, ms.
+    torque: Points,
+}
+
+fn impact(approach: &Approach) -> Impact {
+    let stop = approach.plant.max_count + 0.5;
+    let mut bench = Bench::new(approach.kind, &approach.plant, stop - RUN_UP, &[]);
+    for (property, value) in [
+        (Property::MT, approach.mt),
+        (Property::MKE, approach.mke),
+        (Property::HOLD, 0),
+        (Property::MODE, 4),
+        (Property::V, approach.speed),
+    ] {
+        bench.set(property, value);
+    }
+    let own = approach.own_n_m();
+    let mut found = Impact::default();
+    let mut contact_ms = None;
+    while contact_ms.is_none_or(|at| bench.ms() < at + AFTER_MS) {
+        assert!(bench.ms() < 5_000.0, "{approach:?} never meets its stop");
+        let truth = bench.look();
+        let in_stop = truth.counts > stop;
+        if in_stop && contact_ms.is_none() {
+            contact_ms = Some(bench.ms());
+        }
+        let Some(at) = contact_ms else { continue };
+        if in_stop && truth.torque_n_m > 1.25 * own {
+            found.over_ms += LOOK_US as f64 * 1e-3;
+        }
+        if in_stop && truth.torque_n_m > 1.1 * own {
+            found.over_m_n_m_s += (truth.torque_n_m - own) * LOOK_US as f64 * 1e-3;
+        }
+        found.peak_a = found.peak_a.max(truth.peak_phase_a);
+        found.torque.push((bench.ms() - at, truth.torque_n_m * UNITS));
+    }
+    found
+}
+
+/// Motors and properties with which the compensated EMF is right, and wrong by as much as it can be.
+fn motors(kind: MotorKind) -> [(&'static str, f64, i64); 5] {
+    let rules = Property::MKE.rules();
+    let mke = Property::MKE.row().default_for_motor(kind).expect("a default").into();
+    [
+        ("nominal", 1.0, mke),
+        ("Ke −30 %", 0.7, mke),
+        ("Ke +30 %", 1.3, mke),
+        ("MKE least", 1.0, rules.min()),
+        ("MKE most", 1.0, rules.max()),
+    ]
+}
+
+/// The bounds of docs/safety.md: time above 1.25 MT in the stop, ms, and torque beyond MT, mN·m·s. A spread is thrown back by its stop while the
+/// motor still pushes, and a winding that moves backwards draws more.
+fn bounds(kind: MotorKind) -> (f64, f64) {
+    if kind == MotorKind::Spread { (8.5, 1.8) } else { (4.5, 1.0) }
+}
+
+#[test]
+fn mt_bounds_the_torque_at_a_stop_from_any_speed_and_with_any_ke() {
+    for kind in KINDS {
+        let (mut longest, mut most) = (0.0_f64, 0.0_f64);
+        for (name, ke, mke) in motors(kind) {
+            for mt in [100, 200, 400, 750] {
+                for speed in [50, 100, 200, 400, 700, 1000] {
+                    let mut approach = Approach { mke, ..Approach::new(kind, mt, speed) };
+                    approach.plant.ke_v_s *= ke;
+                    let found = impact(&approach);
+                    let (ms, m_n_m_s) = bounds(kind);
+                    assert!(
+                        found.over_ms <= ms && found.over_m_n_m_s <= m_n_m_s,
+                        "{kind:?}, {name}, MT {mt}, V {speed}: above MT for {:.1} ms, {:.2} mN·m·s, {:.1} A",
+                        found.over_ms,
+                        found.over_m_n_m_s,
+                        found.peak_a
+                    );
+                    longest = longest.max(found.over_ms);
+                    most = most.max(found.over_m_n_m_s);
+                }
+            }
+        }
+        println!(
+            "figure: {kind:?} in its stop: above 1.25 MT for {longest:.1} ms, {most:.2} mN·m·s beyond MT"
+        );
+    }
+}
+
+/// The first 40 ms of a link at MT 100 that meets its stop at full speed, and of one without the guard by the supply current, as it was before.
+#[test]
+fn picture_of_the_torque_at_contact_is_current() {
+    let before: Points = include_str!("before.csv")
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let (ms, torque) = line.split_once(',').expect("two columns");
+            (ms.parse().expect("a number"), torque.parse().expect("a number"))
+        })
+        .collect();
+    let panels: Vec<Panel> = motors(MotorKind::Link)
+        .iter()
+        .map(|&(name, ke, mke)| {
+            let mut approach = Approach { mke, ..Approach::new(MotorKind::Link, 100, 1000) };
+            approach.plant.ke_v_s *= ke;
+            let torque = impact(&approach).torque.into_iter().filter(|&(ms, _)| ms <= 40.0).collect();
+            let mut lines = vec![(BLUE, torque)];
+            let mut title = format!("Link, MT 100, into its stop, {name}: torque over ms");
+            if name == "nominal" {
+                lines.insert(0, (ORANGE, before.clone()));
+                title += "; orange: without the guard by the supply current";
+            }
+            Panel { title, x: (0.0, 40.0, 5.0), y: (0.0, 1000.0, 200.0), band: None, lines }
+        })
+        .collect();
+    chart::keep("contact.svg", "MAKE_CONTACT_PICTURE", "contact::torque", &panels);
+}
