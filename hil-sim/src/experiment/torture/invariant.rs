@@ -4,6 +4,7 @@
 //! A check sees the true state of the plant and, of native boards, the state of their program. Some faults excuse a check, because
 //! no board could hold it then; `excused_by` names them, and the comment of the check says why.
 
+mod contact;
 mod ending;
 mod joint;
 mod keeping;
@@ -11,6 +12,7 @@ mod power;
 mod truth;
 
 use super::kinds::{FaultKind, Kinds};
+pub use contact::MAY_PRESS;
 pub use joint::{AFTERMATH_MS, Joint, View};
 use joint::{LOADS, LYING_HALLS, LYING_SENSORS};
 
@@ -179,10 +181,18 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "stall-ends-force",
-        "a motor that a stop holds is driven no longer than TSTOP and 40 ms at a time",
-        "manual 5.3.4 (TSTOP); decision 0049",
+        "a motor that a stop, an object or a finger holds is driven no longer than TSTOP and 40 ms at a time",
+        "manual 5.3.4 (TSTOP); decisions 0049 and 0077",
         LYING_HALLS,
-        Check::Program(ending::stall),
+        Check::Program(contact::time),
+    ),
+    // Sensors that lie about the halls, the bus or the current leave the EMF unjudged, and so does a board that hangs with its bridge on.
+    row(
+        "torque-at-contact",
+        "what holds a motor feels more than MT for a few milliseconds only, by the plant's torque",
+        "docs/safety.md; decision 0076",
+        LYING_HALLS.union(LYING_SENSORS).union(Kinds::of(&[FaultKind::BoardHang])),
+        Check::Program(contact::torque),
     ),
     row(
         "host-watched",

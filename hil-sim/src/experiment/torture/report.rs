@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::case::{Case, Selection};
-use super::invariant::{self, INVARIANTS};
+use super::invariant::{self, INVARIANTS, MAY_PRESS};
 use super::kinds::{Place, ROWS, Row};
 use super::session::Outcome;
 use crate::experiment::events::Event;
@@ -94,7 +94,7 @@ pub fn text(case: &Case, selection: &Selection, outcome: &Outcome, events: &[Eve
     text
 }
 
-/// The tables of docs/torture.md: invariants and kinds of fault.
+/// The tables of docs/torture.md: invariants, who may press longer than TSTOP, and kinds of fault.
 #[must_use]
 pub fn tables() -> String {
     let mut text = String::from("| Invariant | Demands | Source |\n| --- | --- | --- |\n");
@@ -104,6 +104,10 @@ pub fn tables() -> String {
     let outside = INVARIANTS.iter().filter(|invariant| invariant.is_seen_from_outside());
     let names: Vec<&str> = outside.map(|invariant| invariant.name).collect();
     let _ = writeln!(text, "\nChecked on flashed images as well: {}.", names.join(", "));
+    text.push_str("\n| May press longer than TSTOP | Why |\n| --- | --- |\n");
+    for right in &MAY_PRESS {
+        let _ = writeln!(text, "| {} | {} |", right.who, right.why);
+    }
     text.push_str("\n| Fault | Does | Reported by | Cleared by |\n| --- | --- | --- | --- |\n");
     for row in ROWS {
         let _ = writeln!(text, "| {} | {} | {} | {} |", row.name, row.what, row.report, row.clear);

@@ -1,6 +1,5 @@
 //! How motions end.
 
-use servo_core::guard::fault::LimitCause;
 use servo_core::mode::Mode;
 use servo_core::{EndReason, Event};
 use tater_fw::events::BoardEvent;
@@ -8,18 +7,6 @@ use tater_wire::Property;
 
 use super::joint::{Ending, Joint, Orderer, View};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
-
-/// HI stalls after this time at least (decision 0009), ms.
-const HOMING_TSTOP: u64 = 250;
-
-/// Ticks beyond TSTOP: the count that a set-point needs to be ahead (10), and the torque of HI that turns round slowly (decision 0053).
-const STALL_SLACK_MS: u64 = 40;
-
-/// A rotor that has stopped makes no count.
-const STILL: f64 = 1.0;
-
-/// Below this torque, N·m, a motor does not press: the friction of most plants.
-const PRESS_N_M: f64 = 0.06;
 
 /// Fastest rotor that may be called arrived, counts/s: the fastest of 32,400 moves had 77.7 (tests/arrival.rs).
 const ARRIVED_SPEED: f64 = 100.0;
@@ -55,45 +42,6 @@ fn may_begin(property: Property) -> bool {
             | Property::DEF
             | Property::WIRING
     )
-}
-
-pub fn stall(joint: &mut Joint, view: &View) -> Option<String> {
-    let ending = &mut joint.ending;
-    let Some((tater, sample)) = view.application() else {
-        (ending.held_ms, ending.tstop) = (0, 0);
-        return None;
-    };
-    let (status, truth) = (&sample.status, &view.truth);
-    let tstop = u64::from(tater.config().tstop);
-    let plant = &joint.plant;
-    let n_m = truth.torque_n_m;
-    let presses = truth.counts < plant.min_count - 0.5 && n_m < -PRESS_N_M
-        || truth.counts > plant.max_count + 0.5 && n_m > PRESS_N_M;
-    // A hold, and TC after its stall, press on purpose; so does TSTOP 0. A velocity that a low gain asks for is no limit.
-    let to_end = match status.mode {
-        Mode::Torque | Mode::Trapezoidal => true,
-        Mode::Velocity => status.end.is_none() && status.limit == Some(LimitCause::Torque),
-        Mode::Idle | Mode::Pid => false,
-    };
-    // The cell, which the halls may place in the dent of a stop.
-    let same = std::mem::replace(&mut ending.count, view.cell) == view.cell;
-    let held = view.driven() && presses && to_end && tstop > 0 && same;
-    if !held || truth.counts_per_s.abs() > STILL {
-        (ending.held_ms, ending.tstop) = (0, 0);
-        return None;
-    }
-    // Where the set-point is not ahead TSTOP's time waits (decision 0049): it creeps at first, and has turned back if E was changed, while the
-    // integrator still presses.
-    let ahead = (sample.setpoint_counts() - sample.estimated_counts()) * n_m.signum();
-    if status.mode == Mode::Trapezoidal && ahead < 1.0 {
-        return None;
-    }
-    ending.held_ms += 1;
-    ending.tstop = ending.tstop.max(tstop).max(HOMING_TSTOP);
-    let drift_ms = ending.tstop / 40;
-    (ending.held_ms > ending.tstop + STALL_SLACK_MS + drift_ms).then(|| {
-        format!("pressed on its stop for {} ms with {:?}; TSTOP is {tstop}", ending.held_ms, status.mode)
-    })
 }
 
 pub fn host(joint: &mut Joint, view: &View) -> Option<String> {

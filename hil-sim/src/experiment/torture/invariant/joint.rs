@@ -91,6 +91,7 @@ pub struct Joint {
     /// It is pushed from outside faster than its voltage could drive it.
     pub(super) pushed: bool,
     pub(super) power: Power,
+    pub(super) contact: Contact,
     pub(super) ending: Ending,
     pub(super) keeping: Keeping,
     pub(super) truth: Trust,
@@ -158,6 +159,21 @@ impl Orderer {
     }
 }
 
+/// What the checks of a motor's contacts remember.
+#[derive(Debug, Default)]
+pub struct Contact {
+    /// MT, torque units, and the one before with the time of the change.
+    pub mt: f64,
+    pub earlier: (f64, u64),
+    pub above_ms: u32,
+    pub above_m_n_m_s: f64,
+    pub apart_ms: u32,
+    /// Ticks for which something has held the driven rotor, and TSTOP's largest value meanwhile.
+    pub held_ms: u64,
+    pub tstop: u64,
+    pub cell: i64,
+}
+
 #[derive(Debug, Default)]
 pub struct Ending {
     /// Ends since the last order that may begin a motion.
@@ -167,10 +183,6 @@ pub struct Ending {
     /// Who has ordered the motion under way, and the mode of the last tick.
     pub orderer: Orderer,
     pub mode: Mode,
-    /// Ticks for which a stop has held the driven rotor, and TSTOP's largest value meanwhile.
-    pub held_ms: u64,
-    pub tstop: u64,
-    pub count: i64,
     pub speed: f64,
     /// Where the rotor has been of late: least and largest place, counts, and for how many ticks.
     pub stayed: (f64, f64),
@@ -243,6 +255,7 @@ impl Joint {
             driving_v: 0.0,
             pushed: false,
             power: Power::default(),
+            contact: Contact::default(),
             ending: Ending::default(),
             keeping: Keeping::default(),
             // HI cannot tell an object that it presses on from a stop.

@@ -1,0 +1,190 @@
+//! What stops, objects and other fingers feel, judged by the plant's truth, the wire and the documents alone: nothing of servo-core is named here
+//! (tests/fences/judge.rs).
+
+use tater_wire::Property;
+
+use super::joint::{Contact, Joint, View};
+use crate::world::plant::PlantParams;
+
+/// Torque units a N·m (decision 0003).
+const UNITS: f64 = 1575.0;
+
+/// A joint's friction, N·m (decision 0003): a motor that stands with more presses. A third more for plants that have more of it.
+const FRICTION_N_M: f64 = 0.04 * 4.0 / 3.0;
+
+/// Torque of a contact that holds a joint, N·m at the motor.
+const TOUCH_N_M: f64 = 0.005;
+
+/// A rotor that has stopped makes no count.
+const STILL: f64 = 1.0;
+
+/// A torque above MT (docs/safety.md): from a quarter of it, for so long, ms, and with so much beyond MT, mN·m·s, for motors whose R, Ke and inertia
+/// are 30 % off and halls 10°. The thousand seeds of ci stay below.
+const ABOVE: f64 = 1.25;
+const ABOVE_MS: u32 = 12;
+const ABOVE_M_N_M_S: f64 = 2.5;
+
+/// What cogging, rounding and the ripple of the current add to a torque, N·m.
+const RIPPLE_N_M: f64 = 0.012;
+
+/// Time without a contact, ms, after which the next one is another impact.
+const APART_MS: u32 = 5;
+
+/// Ticks over which MT may have been higher.
+const MEMORY_MS: u64 = 40;
+
+/// HI stalls after this time at least (decision 0009), ms.
+const HOMING_TSTOP: u64 = 250;
+
+/// Ticks beyond TSTOP: the count that a set-point needs to be ahead (10), and the torque of HI that turns round slowly (decision 0053).
+const STALL_SLACK_MS: u64 = 40;
+
+/// Modes of the wire (docs/properties.md).
+const PID: i64 = 3;
+const VELOCITY: i64 = 4;
+const TRAPEZOIDAL: i64 = 5;
+
+/// END of a stall.
+const STALLED: i64 = 2;
+
+/// A motor that stands and presses on something, by its true torque and what its board says on the wire.
+pub struct Pressing {
+    mode: i64,
+    end: i64,
+    tstop: i64,
+    /// V of a host, counts/s.
+    v: i64,
+    /// Counts that the set-point is ahead in the direction of the torque.
+    ahead: f64,
+}
+
+/// A motor that presses longer than TSTOP by right.
+pub struct Right {
+    /// Which one.
+    pub who: &'static str,
+    /// Why, and where that is said.
+    pub why: &'static str,
+    has: fn(&Pressing) -> bool,
+}
+
+/// Every such right.
+pub const MAY_PRESS: [Right; 5] = [
+    Right {
+        who: "any, with TSTOP 0",
+        why: "its host wants no end: manual 5.3.4",
+        has: |pressing| pressing.tstop == 0,
+    },
+    Right {
+        who: "a hold",
+        why: "it carries what the motion has met: manual 5.5",
+        has: |pressing| pressing.mode == PID,
+    },
+    Right {
+        who: "TC or TO after its stall, with HOLD 1",
+        why: "it presses on: manual 5.5; decision 0031",
+        has: |pressing| pressing.mode == VELOCITY && pressing.end == STALLED,
+    },
+    Right {
+        who: "mode 4 below eight counts a TSTOP",
+        why: "a free joint may stick for as long: decision 0077",
+        has: |pressing| {
+            pressing.mode == VELOCITY && pressing.v != 0 && pressing.v.abs() * pressing.tstop < 8_000
+        },
+    },
+    Right {
+        who: "a move whose set-point is not a count ahead",
+        why: "it creeps at first, or has turned back: TSTOP waits, decision 0049",
+        has: |pressing| pressing.mode == TRAPEZOIDAL && pressing.ahead < 1.0,
+    },
+];
+
+/// A motor's torque for that of the nominal motor: by its Ke, and by its resistance where that lets more than the nominal current flow. Of a
+/// motor with more resistance the board knows no better than the current that MT means.
+fn strength(plant: &PlantParams) -> f64 {
+    let nominal = PlantParams::for_motor(tater_wire::MotorKind::Link);
+    plant.ke_v_s / nominal.ke_v_s * (nominal.r_ohm / plant.r_ohm).max(1.0)
+}
+
+/// The contact that holds back what the motor's torque pushes.
+fn presses(view: &View) -> bool {
+    let (torque, load) = (view.truth.torque_n_m, view.truth.load_n_m);
+    view.driven() && torque * load < 0.0 && load.abs() > TOUCH_N_M
+}
+
+pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
+    let contact = &mut joint.contact;
+    let Some((tater, _)) = view.application() else {
+        *contact = Contact::default();
+        return None;
+    };
+    let mt = tater.property(Property::MT)? as f64;
+    if mt != contact.mt {
+        contact.earlier = (
+            contact.mt.max(if view.ms < contact.earlier.1 { contact.earlier.0 } else { 0.0 }),
+            view.ms + MEMORY_MS,
+        );
+        contact.mt = mt;
+    }
+    let most = if view.ms < contact.earlier.1 { mt.max(contact.earlier.0) } else { mt };
+    let own = most / UNITS * strength(&joint.plant);
+    let torque = view.truth.torque_n_m.abs();
+    if presses(view) {
+        contact.apart_ms = 0;
+        if torque > ABOVE * own + RIPPLE_N_M {
+            contact.above_ms += 1;
+            contact.above_m_n_m_s += torque - own;
+        }
+    } else {
+        contact.apart_ms += 1;
+        if contact.apart_ms > APART_MS {
+            (contact.above_ms, contact.above_m_n_m_s) = (0, 0.0);
+        }
+    }
+    (contact.above_ms > ABOVE_MS || contact.above_m_n_m_s > ABOVE_M_N_M_S).then(|| {
+        format!(
+            "pressed with more than MT {most} for {} ms, by {:.1} mN·m·s; now with {:.0}",
+            contact.above_ms,
+            contact.above_m_n_m_s,
+            torque / own * most
+        )
+    })
+}
+
+pub fn time(joint: &mut Joint, view: &View) -> Option<String> {
+    let strength = strength(&joint.plant);
+    let contact = &mut joint.contact;
+    let Some((tater, sample)) = view.application() else {
+        (contact.held_ms, contact.tstop) = (0, 0);
+        return None;
+    };
+    let torque = view.truth.torque_n_m;
+    let pressing = Pressing {
+        mode: tater.property(Property::MODE)?,
+        end: tater.property(Property::END)?,
+        tstop: tater.property(Property::TSTOP)?,
+        v: tater.property(Property::VSET)?,
+        ahead: (sample.setpoint_counts() - sample.estimated_counts()) * torque.signum(),
+    };
+    // The cell, which the halls may place in the dent of a stop.
+    let same = std::mem::replace(&mut contact.cell, view.cell) == view.cell;
+    let stands = same && view.truth.counts_per_s.abs() <= STILL;
+    let excused = MAY_PRESS.iter().any(|right| (right.has)(&pressing));
+    if !stands || !presses(view) || torque.abs() < FRICTION_N_M * strength {
+        (contact.held_ms, contact.tstop) = (0, 0);
+        return None;
+    }
+    if excused {
+        // Where the set-point is not ahead TSTOP's time waits; a hold begins anew.
+        if pressing.mode != TRAPEZOIDAL {
+            (contact.held_ms, contact.tstop) = (0, 0);
+        }
+        return None;
+    }
+    contact.held_ms += 1;
+    contact.tstop = contact.tstop.max(pressing.tstop.unsigned_abs()).max(HOMING_TSTOP);
+    // A clock that is off.
+    let drift_ms = contact.tstop / 40;
+    (contact.held_ms > contact.tstop + STALL_SLACK_MS + drift_ms).then(|| {
+        format!("pressed for {} ms in mode {}; TSTOP is {}", contact.held_ms, pressing.mode, pressing.tstop)
+    })
+}
