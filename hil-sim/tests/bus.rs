@@ -115,15 +115,10 @@ fn immediate_reconnect_is_never_refused() {
     stream.write_all(b"t004485000200\r").expect("written");
     drop(stream);
     let mut stream = opened(&served);
-    let awake = (0..QUESTIONS).any(|_| {
-        stream.write_all(b"t004105\rV\r").expect("written");
-        read_to(&mut stream, "V0100\r").contains("t486485000200\r")
-    });
-    assert!(awake, "the board sleeps");
+    until(&mut stream, b"t004105\rV\r", "t486485000200\r").expect("the board is awake");
 }
 
 /// Connects and opens the channel at once.
-#[cfg(target_os = "linux")]
 fn opened(served: &Served) -> TcpStream {
     let mut stream = connect(served);
     stream.write_all(b"O\r").expect("written");
@@ -228,6 +223,14 @@ fn asker(address: &str) -> TcpStream {
     stream
 }
 
+/// Repeats a request, which ends in V, until the answer has come.
+fn until(host: &mut TcpStream, request: &[u8], answer: &str) -> Option<usize> {
+    (0..QUESTIONS).find(|_| {
+        host.write_all(request).expect("written");
+        read_to(host, "V0100\r").contains(answer)
+    })
+}
+
 /// The angle of a finger's joint between two hall counts: 18 a revolution, 49 revolutions.
 const COUNT_RAD: f64 = std::f64::consts::TAU / (18.0 * 49.0);
 
@@ -236,15 +239,7 @@ const COUNT_RAD: f64 = std::f64::consts::TAU / (18.0 * 49.0);
 fn truth_shows_the_radian_that_a_host_of_the_bh8_280_asks_for() {
     let (served, truth) = serve_truth("11,14", "280");
     let mut truth = asker(&truth);
-    let mut host = connect(&served);
-    host.write_all(b"C\rS8\rO\r").expect("written");
-    read_to(&mut host, "\x07\r\r");
-    let until = |host: &mut TcpStream, request: &[u8], answer: &str| {
-        (0..QUESTIONS).find(|_| {
-            host.write_all(request).expect("written");
-            read_to(host, "V0100\r").contains(answer)
-        })
-    };
+    let mut host = opened(&served);
     // SET STAT 2 until it is 2; HI until MODE is 4, then 0.
     until(&mut host, b"t00B485000200\rt00B105\rV\r", "t566485000200").expect("awake");
     until(&mut host, b"t00B49D000D00\rt00B108\rV\r", "t566488000400").expect("HI");
@@ -288,15 +283,8 @@ fn truth_shows_the_radian_that_a_host_of_the_bh8_280_asks_for() {
 fn truth_shows_motion_and_contact() {
     let (served, truth) = serve_truth("11", "0");
     let mut truth = asker(&truth);
-    let mut host = connect(&served);
-    host.write_all(b"C\rS8\rO\r").expect("written");
-    read_to(&mut host, "\x07\r\r");
-    (0..QUESTIONS)
-        .find(|_| {
-            host.write_all(b"t00B485000200\rt00B105\rV\r").expect("written");
-            read_to(&mut host, "V0100\r").contains("t566485000200")
-        })
-        .expect("awake");
+    let mut host = opened(&served);
+    until(&mut host, b"t00B485000200\rt00B105\rV\r", "t566485000200").expect("awake");
     // MT 200, MODE 4, V 300.
     host.write_all(b"t00B4AB00C800\rt00B488000400\rt00B4AC002C01\r").expect("written");
     let mut moved = false;
