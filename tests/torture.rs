@@ -26,6 +26,7 @@ fn session(fault: Option<Fault>) -> Case {
     Case {
         seed: 7,
         world: World::nominal(),
+        is_long: false,
         is_plain: false,
         steps: vec![
             line(0, "HI"),

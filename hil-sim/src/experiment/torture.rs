@@ -17,7 +17,9 @@ pub mod program;
 pub mod recovery;
 pub mod report;
 pub mod session;
+mod shadow;
 mod shrink;
+mod stream;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

@@ -15,6 +15,7 @@ use serde::Serialize;
 use super::interrupt;
 use super::output::{is_same_file, print, replace_file, warn};
 use crate::experiment::input::BadInput;
+use crate::experiment::torture::invariant::measure::Worst;
 use crate::experiment::torture::report::{replay_line, tables, text};
 use crate::experiment::torture::{
     Case, INVARIANTS, Outcome, Selection, Shrunk, Violation, run, run_with_events, shrink,
@@ -48,6 +49,9 @@ pub struct TortureArgs {
     /// The first seed; default: a fresh one, which is printed.
     #[arg(long)]
     seed: Option<u64>,
+    /// Long seeds, of ten minutes of simulated time and more, in which windings heat and cool.
+    #[arg(long)]
+    long: bool,
     /// Number of seeds; default: 1 with --seed, otherwise 100.
     #[arg(long, value_parser = value_parser!(u64).range(1..))]
     seeds: Option<u64>,
@@ -117,6 +121,8 @@ struct Json {
     peak_winding_c: f64,
     peak_phase_a: f64,
     peak_bus_v: f64,
+    /// The greatest values that the checks have measured, docs/safety.md.
+    worst: BTreeMap<&'static str, f64>,
     /// How many seeds had a fault of each kind.
     faults: BTreeMap<&'static str, u64>,
     /// ERROR values that boards reported.
@@ -135,6 +141,7 @@ struct Sum {
     turned_by_hand: u64,
     prompts: u64,
     peaks: [f64; 3],
+    worst: Worst,
     errors: u64,
     faults: BTreeMap<&'static str, u64>,
     failures: Vec<(Violation, Case, f64)>,
@@ -150,6 +157,7 @@ impl Sum {
         self.turned_by_hand += u64::from(outcome.turned_by_hand > 0);
         self.prompts += outcome.prompts;
         self.errors |= outcome.errors;
+        self.worst.merge(&outcome.worst);
         for (most, peak) in self.peaks.iter_mut().zip(outcome.peaks) {
             *most = most.max(peak);
         }
@@ -170,6 +178,12 @@ impl Sum {
     }
 }
 
+impl TortureArgs {
+    fn case(&self, seed: u64) -> Case {
+        if self.long { Case::draw_long(seed) } else { Case::draw(seed) }
+    }
+}
+
 /// Runs the seeds. Returns whether every invariant held.
 ///
 /// # Errors
@@ -186,8 +200,8 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
     };
     if let Some(seed) = args.seed {
         let alone = args.seeds.is_none_or(|seeds| seeds == 1) && args.minutes.is_none();
-        are_of(seed, alone, &selection)?;
-        if let Some(note) = never_played(&Case::draw(seed), &selection) {
+        are_of(&args.case(seed), alone, &selection)?;
+        if let Some(note) = never_played(&args.case(seed), &selection) {
             warn(&note);
         }
     }
@@ -246,8 +260,8 @@ fn numbers(option: &str, text: Option<&str>) -> Result<Option<Vec<usize>>, BadIn
 }
 
 /// Steps and faults are numbers of one seed's own, of which `none` are left or some.
-fn are_of(seed: u64, alone: bool, selection: &Selection) -> Result<(), BadInput> {
-    let case = Case::draw(seed);
+fn are_of(case: &Case, alone: bool, selection: &Selection) -> Result<(), BadInput> {
+    let seed = case.seed;
     let parts =
         [("--steps", &selection.steps, case.steps.len()), ("--faults", &selection.faults, case.faults.len())];
     for (option, chosen, len) in parts {
@@ -323,7 +337,7 @@ fn play_all(
                     if at >= seeds || at > 0 && over.load(Ordering::Relaxed) != 0 {
                         break;
                     }
-                    let case = Case::draw(first.wrapping_add(at)).select(selection);
+                    let case = args.case(first.wrapping_add(at)).select(selection);
                     let outcome = run(&case);
                     if sum.lock().unwrap_or_else(PoisonError::into_inner).add(case, outcome, &args.until) {
                         break;
@@ -370,20 +384,20 @@ fn failures(args: &TortureArgs, selection: &Selection, sum: &Sum, clock: Clock) 
                 seen.push(violation.invariant);
                 let end = clock() + SHRINK;
                 // The numbers of the whole case, so that the printed line replays it.
-                let whole = Case::draw(case.seed);
+                let whole = args.case(case.seed);
                 let narrowed = if *selection == Selection::default() { &whole } else { case };
                 shrink(narrowed, violation, &mut |case| run(case), &mut || {
                     clock() < end && !interrupt::interrupted()
                 })
             });
-            failure(violation, case.seed, *simulated_s, selection, shrunk)
+            failure(violation, case, *simulated_s, selection, shrunk)
         })
         .collect()
 }
 
 fn failure(
     violation: &Violation,
-    seed: u64,
+    case: &Case,
     simulated_s: f64,
     selection: &Selection,
     shrunk: Option<Shrunk>,
@@ -396,13 +410,13 @@ fn failure(
     };
     let count = |numbers: &Option<Vec<usize>>| shrunk.as_ref().and(numbers.as_ref()).map(Vec::len);
     Failure {
-        seed,
+        seed: case.seed,
         invariant: violation.invariant,
         ms: violation.ms,
         motor: violation.node,
         found: violation.found.clone(),
         simulated_s,
-        replay: replay_line(seed, selection),
+        replay: replay_line(case, selection),
         shrunk_steps: count(&selection.steps),
         shrunk_faults: count(&selection.faults),
     }
@@ -434,6 +448,7 @@ fn report(
         peak_winding_c,
         peak_phase_a,
         peak_bus_v,
+        worst: sum.worst.rows().collect(),
         faults: sum.faults.clone(),
         errors: (0..64).filter(|code| sum.errors >> code & 1 == 1).collect(),
         failures,
@@ -478,7 +493,7 @@ fn replay(
             next: "choose another path, or leave out --json".to_owned(),
         }));
     }
-    let case = Case::draw(seed).select(selection);
+    let case = args.case(seed).select(selection);
     let (outcome, events) = run_with_events(&case);
     replace_file(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| BadInput {
         place: format!("--replay {}", path.display()),
@@ -545,8 +560,8 @@ mod tests {
             faults: Some(faults.to_vec()),
             stop_ms: None,
         };
-        assert!(are_of(863, true, &chosen(&[0, last], &[])).is_ok());
-        assert!(are_of(863, false, &chosen(&[], &[])).is_ok(), "none, of each seed");
+        assert!(are_of(&case, true, &chosen(&[0, last], &[])).is_ok());
+        assert!(are_of(&case, false, &chosen(&[], &[])).is_ok(), "none, of each seed");
         for (alone, selection, word) in [
             (true, chosen(&[last + 1], &[]), "no such number"),
             (true, chosen(&[], &[case.faults.len()]), "no such number"),
@@ -554,7 +569,7 @@ mod tests {
             (true, chosen(&[1, 1], &[]), "not in order"),
             (false, chosen(&[0], &[]), "one seed"),
         ] {
-            let error = are_of(863, alone, &selection).expect_err("refused").to_string();
+            let error = are_of(&case, alone, &selection).expect_err("refused").to_string();
             assert!(error.contains(word) && error.contains("next:"), "{error}");
         }
     }

@@ -15,8 +15,12 @@ use tater_wire::{MotorKind, Node as Id};
 /// Motors of a hand.
 pub const MOTORS: usize = 7;
 
-/// Longest program, ms of simulated time.
-const LONGEST_MS: u64 = 12_000;
+/// Shortest and longest program, ms of simulated time; and of those in which windings heat and cool, whose thermal time constants are minutes.
+const LENGTH_MS: (u64, u64) = (1_000, 12_000);
+const LONG_MS: (u64, u64) = (600_000, 900_000);
+
+/// Longest fault of a long program, ms.
+const LONG_FAULT_MS: u64 = 90_000;
 
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +59,8 @@ pub struct Case {
     pub seed: u64,
     /// The world.
     pub world: World,
+    /// Whether it is one of the long ones, of ten minutes and more.
+    pub is_long: bool,
     /// Whether the program leaves every parameter at its default: then each command has a time to end in.
     pub is_plain: bool,
     /// The program.
@@ -89,13 +95,33 @@ impl Case {
     /// The case of a seed.
     #[must_use]
     pub fn draw(seed: u64) -> Self {
-        let mut rng = rng(seed, 1);
+        Self::draw_of(seed, false)
+    }
+
+    /// The long case of a seed: motors that press and rest for minutes, and faults that last for up to a minute and a half.
+    #[must_use]
+    pub fn draw_long(seed: u64) -> Self {
+        Self::draw_of(seed, true)
+    }
+
+    fn draw_of(seed: u64, is_long: bool) -> Self {
+        let mut rng = rng(seed, if is_long { 5 } else { 1 });
         let world = World::draw(seed, &mut rng);
-        let stop_ms = rng.random_range(1_000..=LONGEST_MS);
+        let (least_ms, most_ms) = if is_long { LONG_MS } else { LENGTH_MS };
+        let stop_ms = rng.random_range(least_ms..=most_ms);
         let is_plain = rng.random_ratio(1, 3);
-        let steps = Program::draw(&mut rng, is_plain).steps(&mut rng, stop_ms);
-        let faults = faults(&mut rng, stop_ms);
-        Self { seed, world, is_plain, steps, faults, stop_ms }
+        let program = Program::draw(&mut rng, is_plain);
+        let steps =
+            if is_long { program.long_steps(&mut rng, stop_ms) } else { program.steps(&mut rng, stop_ms) };
+        let mut faults = faults(&mut rng, stop_ms);
+        if is_long {
+            for fault in &mut faults {
+                if rng.random_ratio(1, 3) {
+                    fault.for_ms = rng.random_range(1..=LONG_FAULT_MS);
+                }
+            }
+        }
+        Self { seed, world, is_long, is_plain, steps, faults, stop_ms }
     }
 
     /// The parts of this case that are selected.

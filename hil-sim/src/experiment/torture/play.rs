@@ -1,6 +1,8 @@
 //! Plays a case on a hand: the host's program, while faults come and go; then the recovery.
 
 use god::Memory;
+use god::command::{Category, GclCommand};
+use god::grammar::{self, Statement};
 use tater_wire::Frame;
 
 use super::case::{Case, MOTORS};
@@ -83,6 +85,7 @@ pub fn play_watched<S: Subject>(
 ) -> (Outcome, Hand<S>) {
     let mut session = Session::new(case, hand, look);
     session.read_to_prompt(1_000);
+    session.shadow.fall_in_step();
     for step in &case.steps {
         session.play_step(step);
     }
@@ -112,13 +115,33 @@ impl<S: Subject> Session<'_, S> {
         match &step.act {
             Act::Line { text, patience_ms } => self.line(text, *patience_ms),
             Act::Loop { prefix, blocks } => self.realtime(prefix, blocks),
-            Act::Bytes(bytes) => _ = self.send(bytes),
-            Act::Packet(frame) => _ = self.send(&packet(frame)),
-            Act::Raw(frames) => frames.iter().for_each(|frame| self.hand.bus_mut().intrude(*frame)),
-            Act::Download(node) => _ = download::run(self, *node),
+            Act::Bytes(bytes) => {
+                self.shadow.lose_step();
+                self.send(bytes);
+            }
+            Act::Packet(frame) => {
+                self.shadow.lose_step();
+                self.send(&packet(frame));
+            }
+            Act::Raw(frames) => {
+                self.forget_settings();
+                self.shadow.doubt();
+                frames.iter().for_each(|frame| self.hand.bus_mut().intrude(*frame));
+            }
+            Act::Download(node) => {
+                self.shadow.lose_step();
+                download::run(self, *node);
+            }
             Act::Abort => self.abort(),
-            Act::HangUp => self.hand.hang_up(),
+            Act::HangUp => {
+                self.shadow.lose_step();
+                self.hand.hang_up();
+            }
             Act::Wait { ms, reads } => {
+                if !reads {
+                    // What it reads next may be the prompt of any line before.
+                    self.shadow.lose_step();
+                }
                 let end_ms = self.ms() + ms;
                 while self.ms() < end_ms && self.goes_on() {
                     if *reads { self.step() } else { self.step_unread() }
@@ -128,6 +151,24 @@ impl<S: Subject> Session<'_, S> {
     }
 
     fn line(&mut self, text: &str, patience_ms: Option<u64>) {
+        let keeps = Keeps::of(text);
+        if keeps == Keeps::Nothing {
+            self.forget_settings();
+        }
+        self.look_at_settings();
+        self.play_line(text, patience_ms);
+        if keeps == Keeps::Nothing {
+            self.forget_settings();
+        } else if self.is_at_prompt() {
+            self.compare_settings(
+                keeps == Keeps::WithMotion && !self.tail.windows(4).any(|word| word == b"ERR "),
+            );
+        } else {
+            self.shadow.lose_step();
+        }
+    }
+
+    fn play_line(&mut self, text: &str, patience_ms: Option<u64>) {
         self.tail.clear();
         if !self.send(format!("{text}\r").as_bytes()) {
             return;
@@ -173,6 +214,7 @@ impl<S: Subject> Session<'_, S> {
     }
 
     fn realtime(&mut self, prefix: &str, blocks: &[(Vec<u8>, u64)]) {
+        self.look_at_settings();
         self.tail.clear();
         self.send(format!("{prefix}LOOP\r").as_bytes());
         for (block, pause_ms) in blocks {
@@ -184,6 +226,36 @@ impl<S: Subject> Session<'_, S> {
             }
         }
         self.abort();
+    }
+}
+
+/// What a line leaves as it was.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Keeps {
+    /// It may set anything.
+    Nothing,
+    /// It asks, or is none of the language.
+    Settings,
+    /// It moves, and restores before what an earlier motion has left.
+    WithMotion,
+}
+
+impl Keeps {
+    fn of(text: &str) -> Self {
+        let line = text.to_ascii_uppercase();
+        let command = match grammar::parse(&line) {
+            Ok(Statement::Command { command, .. }) => command,
+            Ok(Statement::Lower(_)) => return Self::Nothing,
+            Ok(Statement::Empty) | Err(_) => return Self::Settings,
+        };
+        match (command, command.row().map(|row| row.category)) {
+            // T only switches off.
+            (GclCommand::T, _) => Self::Settings,
+            (_, Some(Category::Movement)) => Self::WithMotion,
+            (GclCommand::Fget | GclCommand::Flistv | GclCommand::Pget | GclCommand::Plistv, _)
+            | (_, Some(Category::Administration)) => Self::Settings,
+            _ => Self::Nothing,
+        }
     }
 }
 

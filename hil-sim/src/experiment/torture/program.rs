@@ -79,6 +79,12 @@ const MOVES: [&str; 18] = [
     "TO", "HOME", "12C", "X57O",
 ];
 
+/// Motions that press, and what makes them press again: stalls heat a winding by 24 K/s (docs/safety.md).
+const HEATING: [&str; 8] = ["TC", "TO", "TC", "TO", "GTC", "STC", "HI", "123TO"];
+
+/// Longest rest of a long program, ms: a housing cools within minutes.
+const REST_MS: u64 = 120_000;
+
 /// Longest argument of WAIT, ms: a longer one would be the run.
 const WAIT_MS: u64 = 1_000;
 
@@ -110,6 +116,29 @@ impl Program {
             steps.push(Step { at_ms, act: self.act(rng) });
             let pause_ms = if rng.random() { 20 } else { 700 };
             at_ms += rng.random_range(0..=pause_ms);
+        }
+        steps
+    }
+
+    /// The steps of a long program: spells of work, some of which heat windings, and rests in which they cool.
+    pub fn long_steps(&self, rng: &mut Pcg64Mcg, stop_ms: u64) -> Vec<Step> {
+        let mut steps = vec![Step { at_ms: 0, act: self.line("HI".to_owned(), rng) }];
+        let mut at_ms = 4_000;
+        while at_ms < stop_ms {
+            if rng.random_ratio(1, 4) {
+                at_ms += rng.random_range(1_000..=REST_MS);
+                continue;
+            }
+            let heats = rng.random();
+            for _ in 0..rng.random_range(1..=STEPS) {
+                let act = if heats && rng.random_ratio(3, 4) {
+                    self.line((*one(rng, &HEATING)).to_owned(), rng)
+                } else {
+                    self.act(rng)
+                };
+                steps.push(Step { at_ms, act });
+                at_ms += rng.random_range(0..=3_000);
+            }
         }
         steps
     }

@@ -8,6 +8,7 @@ use super::download;
 use super::fault::{Subject, node_of, with_rig};
 use super::invariant::{HOMES, MOVES};
 use super::session::Session;
+use super::stream::stream;
 use crate::world::node::Node;
 
 /// Longest time from the end of the faults until the hand has homed and moved, ms: attempts at HI, FIND for motors that have lost their wiring, C and O.
@@ -24,6 +25,9 @@ const QUIET: [&str; 4] = ["REC 5", "REC", "PDEF", "0 S REPLY 0"];
 
 /// And in the boards, once all are awake: an order to several ends at the first that does not answer.
 const RESTORE: [&str; 3] = ["1234567 S STAT 2", "1234567 S DEF -1", "X1234567FDEF"];
+
+/// A link without its finger: with X there is no breakaway.
+const ALONE: &str = "X1IC 1000";
 
 /// SET FIND: learn, test move and back, and what the observer says (docs/properties.md).
 const LEARN: u8 = 1;
@@ -68,6 +72,7 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     }
     let mut answer = String::new();
     for attempt in 0..ATTEMPTS {
+        session.forget_settings();
         answer = run(session, "HI");
         if !session.is_whole() || !is_error(&answer) {
             break;
@@ -92,12 +97,17 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
         session.fail(HOMES, 0, format!("HI ends in {:?}; {errors}", text(&answer)));
         return;
     }
-    for line in ["C", "O"] {
+    for line in ["C", "O", ALONE] {
+        session.look_at_settings();
         let answer = run(session, line);
         if (is_error(&answer) || !has_arrived(session)) && session.is_whole() && !is_blocked(session) {
             let errors = errors(session);
             session.fail(MOVES, 0, format!("{line} ends in {:?}; {errors}", text(&answer)));
         }
+        session.compare_settings(!is_error(&answer));
+    }
+    if session.is_whole() {
+        stream(session);
     }
     let took_ms = session.ms() - from_ms;
     if took_ms > RECOVERY_MS {

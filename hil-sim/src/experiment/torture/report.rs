@@ -17,8 +17,11 @@ fn numbers(numbers: &[usize]) -> String {
 
 /// The command that replays a selection of a seed's case.
 #[must_use]
-pub fn replay_line(seed: u64, selection: &Selection) -> String {
-    let mut line = format!("hil-sim torture --seed {seed}");
+pub fn replay_line(case: &Case, selection: &Selection) -> String {
+    let mut line = format!("hil-sim torture --seed {}", case.seed);
+    if case.is_long {
+        line += " --long";
+    }
     if let Some(steps) = &selection.steps {
         let _ = write!(line, " --steps {}", numbers(steps));
     }
@@ -35,7 +38,7 @@ pub fn replay_line(seed: u64, selection: &Selection) -> String {
 /// and faults have the seed's own numbers, as `--steps` and `--faults` take them.
 #[must_use]
 pub fn text(case: &Case, selection: &Selection, outcome: &Outcome, events: &[Event]) -> String {
-    let mut text = format!("{}\n\n", replay_line(case.seed, selection));
+    let mut text = format!("{}\n\n", replay_line(case, selection));
     let mut add = |line: String| {
         text.push_str(&line);
         text.push('\n');

@@ -8,8 +8,10 @@ use tater_fw::events::BoardEvent;
 
 use super::case::{Case, MOTORS};
 use super::fault::{Faults, Subject};
-use super::invariant::{ABORT as ABORTS, ENERGY, IMAGE, Joint, QUEUES, View};
+use super::invariant::measure::Worst;
+use super::invariant::{ABORT as ABORTS, ENERGY, GIVES_BACK, IMAGE, Joint, QUEUES, View};
 use super::kinds::{FaultKind, Kinds};
+use super::shadow::{self, Seen, Shadow};
 use crate::world::hand::Hand;
 use crate::world::node::Node;
 
@@ -34,6 +36,12 @@ const PROMPTED: &[u8] = b"\n\r=> ";
 /// Time in which the prompts of further ^C come, ms.
 const LATE_MS: u64 = 30;
 
+/// Time in which what a line has ordered reaches the boards: its prompt may be there before.
+const ORDERING_MS: u64 = 10;
+
+/// Silence after which no prompt of a line before is on its way, ms.
+const QUIET_MS: u64 = 15;
+
 /// Faults with which orders come from another host or may not arrive: a motor then ends its motion by itself, which may take seconds.
 const UNHEARD: [FaultKind; 10] = [
     FaultKind::FrameLost,
@@ -47,6 +55,15 @@ const UNHEARD: [FaultKind; 10] = [
     FaultKind::BoardHang,
     FaultKind::SecondHost,
 ];
+
+/// Faults after which the host does not know to which line a prompt belongs, or another host sets what it likes.
+const UNSTEADY: Kinds = Kinds::of(&[
+    FaultKind::HostSilent,
+    FaultKind::PartialLine,
+    FaultKind::HangUp,
+    FaultKind::SecondHost,
+    FaultKind::HandPowerCut,
+]);
 
 /// A failure.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,6 +93,8 @@ pub struct Outcome {
     pub digest: u64,
     /// Commands that ended in a prompt.
     pub prompts: u64,
+    /// What the checks have measured at most.
+    pub worst: Worst,
     /// Extremes: winding, °C; phase current, A; bus, V.
     pub peaks: [f64; 3],
     /// ERROR values that boards reported, a bit each.
@@ -105,6 +124,11 @@ pub struct Session<'a, S> {
     lost: (u32, u32),
     /// Time since the host has read, ms.
     unread_ms: u64,
+    /// Time since GOD has last sent something, ms.
+    silent_ms: u64,
+    /// When a line has last ordered settings, ms.
+    ordered_ms: u64,
+    pub(super) shadow: Shadow,
     look: &'a mut dyn FnMut(&Hand<S>),
 }
 
@@ -127,6 +151,9 @@ impl<'a, S: Subject> Session<'a, S> {
             events: Vec::new(),
             lost: (0, 0),
             unread_ms: 0,
+            silent_ms: 0,
+            ordered_ms: 0,
+            shadow: Shadow::default(),
             look,
         }
     }
@@ -140,6 +167,7 @@ impl<'a, S: Subject> Session<'a, S> {
     pub fn finish(mut self) -> (Outcome, Hand<S>) {
         self.outcome.ms = self.ms();
         self.outcome.digest = self.digest.finish();
+        self.joints.iter().for_each(|joint| self.outcome.worst.merge(&joint.worst));
         (self.outcome, self.hand)
     }
 
@@ -170,6 +198,7 @@ impl<'a, S: Subject> Session<'a, S> {
         if !self.faults.host_silent {
             self.unread_ms = 0;
             let received = self.hand.take_tx();
+            self.silent_ms = if received.is_empty() { self.silent_ms + 1 } else { 0 };
             self.digest.write(&received);
             self.outcome.prompts += received.windows(2).filter(|pair| pair == b"=>").count() as u64;
             self.note_statuses(&received);
@@ -202,8 +231,58 @@ impl<'a, S: Subject> Session<'a, S> {
         }
         self.hand.run_until(1_000 * (ms + 1));
         self.unread_ms += 1;
+        let recent = self.faults.recent();
+        if recent.meets(UNSTEADY) {
+            self.shadow.lose_step();
+        }
+        if recent.meets(Kinds::of(&UNHEARD)) {
+            self.shadow.doubt();
+        }
         (self.look)(&self.hand);
         self.check();
+    }
+
+    /// The boards' settings, as a host may read them; of emulated boards none.
+    fn settings(&self) -> [Seen; MOTORS] {
+        let mut boards = self.hand.bus().stations();
+        std::array::from_fn(|_| {
+            let node = boards.next()?.native()?;
+            let tater = node.application()?;
+            let values =
+                shadow::settings().filter_map(|property| Some((property, tater.property(property)?)));
+            Some((node.starts(), values.collect()))
+        })
+    }
+
+    /// Settings may have been ordered, and the last orders are on their way.
+    pub(super) fn forget_settings(&mut self) {
+        self.shadow.forget();
+        self.ordered_ms = self.ms();
+    }
+
+    fn is_ordering(&self) -> bool {
+        self.ms() < self.ordered_ms + ORDERING_MS
+    }
+
+    /// Looks at the boards' settings before a command.
+    pub(super) fn look_at_settings(&mut self) {
+        if self.is_ordering() {
+            return;
+        }
+        let now = self.settings();
+        self.shadow.look(now);
+    }
+
+    /// Compares the boards' settings at the prompt after a command that leaves them alone; `restored`: it moved without an error.
+    pub(super) fn compare_settings(&mut self, restored: bool) {
+        if self.is_ordering() {
+            return;
+        }
+        let restored = restored && !self.faults.recent().meets(Kinds::of(&UNHEARD));
+        let now = self.settings();
+        if let Some((motor, found)) = self.shadow.compare(now, restored) {
+            self.fail(GIVES_BACK, motor + 1, found);
+        }
     }
 
     fn check(&mut self) {
@@ -360,6 +439,13 @@ impl<'a, S: Subject> Session<'a, S> {
         }
         if self.is_heard && self.is_whole() {
             self.check_stopped();
+        }
+        // Prompts of lines before may still come.
+        if self.silent_ms >= QUIET_MS {
+            self.compare_settings(false);
+            self.shadow.fall_in_step();
+        } else {
+            self.shadow.lose_step();
         }
     }
 

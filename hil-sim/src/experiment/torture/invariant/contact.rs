@@ -4,10 +4,12 @@
 use tater_wire::Property;
 
 use super::joint::{Contact, Joint, View};
+use super::meaning::{Errand, follow};
+use super::measure::Measure;
 use crate::world::plant::PlantParams;
 
 /// Torque units a N·m (decision 0003).
-const UNITS: f64 = 1575.0;
+pub(super) const UNITS: f64 = 1575.0;
 
 /// A joint's friction, N·m (decision 0003): a motor that stands with more presses. A third more for plants that have more of it.
 const FRICTION_N_M: f64 = 0.04 * 4.0 / 3.0;
@@ -16,7 +18,7 @@ const FRICTION_N_M: f64 = 0.04 * 4.0 / 3.0;
 const TOUCH_N_M: f64 = 0.005;
 
 /// A rotor that has stopped makes no count.
-const STILL: f64 = 1.0;
+pub(super) const STILL: f64 = 1.0;
 
 /// A torque above MT (docs/safety.md): from a quarter of it, for so long, ms, and with so much beyond MT, mN·m·s, for motors whose R, Ke and inertia
 /// are 30 % off and halls 10°. The thousand seeds of ci stay below.
@@ -25,7 +27,7 @@ const ABOVE_MS: u32 = 12;
 const ABOVE_M_N_M_S: f64 = 2.5;
 
 /// What cogging, rounding and the ripple of the current add to a torque, N·m.
-const RIPPLE_N_M: f64 = 0.012;
+pub(super) const RIPPLE_N_M: f64 = 0.012;
 
 /// Time without a contact, ms, after which the next one is another impact.
 const APART_MS: u32 = 5;
@@ -100,24 +102,32 @@ pub const MAY_PRESS: [Right; 5] = [
 
 /// A motor's torque for that of the nominal motor: by its Ke, and by its resistance where that lets more than the nominal current flow. Of a
 /// motor with more resistance the board knows no better than the current that MT means.
-fn strength(plant: &PlantParams) -> f64 {
+pub(super) fn strength(plant: &PlantParams) -> f64 {
     let nominal = PlantParams::for_motor(tater_wire::MotorKind::Link);
     plant.ke_v_s / nominal.ke_v_s * (nominal.r_ohm / plant.r_ohm).max(1.0)
 }
 
 /// The contact that holds back what the motor's torque pushes.
-fn presses(view: &View) -> bool {
+pub(super) fn presses(view: &View) -> bool {
     let (torque, load) = (view.truth.torque_n_m, view.truth.load_n_m);
     view.driven() && torque * load < 0.0 && load.abs() > TOUCH_N_M
 }
 
+/// The torque limit that the documents state: MT, and towards the stop of HI no more than IHIT.
+fn limit(joint: &Joint, view: &View) -> Option<f64> {
+    let (mt, ihit, ivel) =
+        (view.property(Property::MT)?, view.property(Property::IHIT)?, view.property(Property::IVEL)?);
+    let seeks = joint.meaning.errand == Errand::Homes && view.truth.torque_n_m * ivel as f64 > 0.0;
+    Some(if seeks { mt.min(ihit) } else { mt } as f64)
+}
+
 pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
-    let contact = &mut joint.contact;
-    let Some((tater, _)) = view.application() else {
-        *contact = Contact::default();
+    follow(joint, view);
+    let Some(mt) = limit(joint, view) else {
+        joint.contact = Contact::default();
         return None;
     };
-    let mt = tater.property(Property::MT)? as f64;
+    let contact = &mut joint.contact;
     if mt != contact.mt {
         contact.earlier = (
             contact.mt.max(if view.ms < contact.earlier.1 { contact.earlier.0 } else { 0.0 }),
@@ -140,9 +150,11 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
             (contact.above_ms, contact.above_m_n_m_s) = (0, 0.0);
         }
     }
+    joint.worst.note(Measure::AboveMs, f64::from(contact.above_ms));
+    joint.worst.note(Measure::AboveImpulse, contact.above_m_n_m_s);
     (contact.above_ms > ABOVE_MS || contact.above_m_n_m_s > ABOVE_M_N_M_S).then(|| {
         format!(
-            "pressed with more than MT {most} for {} ms, by {:.1} mN·m·s; now with {:.0}",
+            "pressed with more than {most} of MT or IHIT for {} ms, by {:.1} mN·m·s; now with {:.0}",
             contact.above_ms,
             contact.above_m_n_m_s,
             torque / own * most
@@ -182,6 +194,7 @@ pub fn time(joint: &mut Joint, view: &View) -> Option<String> {
     }
     contact.held_ms += 1;
     contact.tstop = contact.tstop.max(pressing.tstop.unsigned_abs()).max(HOMING_TSTOP);
+    joint.worst.note(Measure::HeldMs, contact.held_ms as f64 - contact.tstop as f64);
     // A clock that is off.
     let drift_ms = contact.tstop / 40;
     (contact.held_ms > contact.tstop + STALL_SLACK_MS + drift_ms).then(|| {

@@ -7,6 +7,8 @@ use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
 use tater_wire::{Cmd, MotorKind, Property};
 
+use super::meaning::Meaning;
+use super::measure::Worst;
 use crate::experiment::torture::case::{World, kind};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 use crate::world::node::{Node, Sample};
@@ -72,6 +74,24 @@ impl View<'_> {
         self.bridge != Bridge::Off
     }
 
+    /// The value that the board answers to a GET; `None` without an application.
+    pub fn property(&self, property: Property) -> Option<i64> {
+        self.node?.application()?.property(property)
+    }
+
+    /// The SETs that the board has obeyed since the last tick, in order.
+    pub fn orders(&self) -> impl Iterator<Item = (Property, i64)> + '_ {
+        self.events.iter().filter_map(|event| match event {
+            BoardEvent::Order { property, value } => Some((*property, i64::from(*value))),
+            _ => None,
+        })
+    }
+
+    /// How often the board's application has started.
+    pub fn starts(&self) -> u32 {
+        self.node.map_or(0, Node::starts)
+    }
+
     /// The application and its state, of a native board whose application runs.
     pub fn application(&self) -> Option<(&tater_fw::Tater<crate::world::board::SimBoard>, &Sample)> {
         Some((self.node?.application()?, self.sample.as_ref()?))
@@ -95,6 +115,9 @@ pub struct Joint {
     pub(super) ending: Ending,
     pub(super) keeping: Keeping,
     pub(super) truth: Trust,
+    pub(super) meaning: Meaning,
+    /// What the checks have measured at most.
+    pub worst: Worst,
 }
 
 #[derive(Debug)]
@@ -258,6 +281,8 @@ impl Joint {
             contact: Contact::default(),
             ending: Ending::default(),
             keeping: Keeping::default(),
+            meaning: Meaning::default(),
+            worst: Worst::default(),
             // HI cannot tell an object that it presses on from a stop.
             truth: Trust { hindered: world.object.is_some(), ..Trust::default() },
         }

@@ -6,6 +6,7 @@ use servo_core::mode::Mode;
 use servo_core::sense::commutation::Leg;
 
 use super::joint::{Joint, LYING_HALLS, LYING_SENSORS, MEMORY, View, is_by_duty, is_idle};
+use super::measure::Measure;
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 use crate::world::plant::RAD_PER_COUNT;
 use crate::world::rig::Bridge;
@@ -105,7 +106,7 @@ pub fn duty(_: &mut Joint, view: &View) -> Option<String> {
     (duty > DUTY).then(|| format!("duty {duty}/32768"))
 }
 
-pub fn winding(_: &mut Joint, view: &View) -> Option<String> {
+pub fn winding(joint: &mut Joint, view: &View) -> Option<String> {
     let lies = view.faults.meets(LYING_SENSORS.union(Kinds::of(&[FaultKind::ThermistorOpen])));
     let unmarked = view.application().is_some_and(|(tater, _)| !tater.is_marked_hot());
     let most = match (lies, unmarked) {
@@ -114,6 +115,7 @@ pub fn winding(_: &mut Joint, view: &View) -> Option<String> {
         (false, false) => WINDING_C,
     };
     let found = view.truth.winding_c;
+    joint.worst.note(Measure::Winding, found);
     (found > most).then(|| format!("winding at {found:.1} C, allowed are {most}"))
 }
 
@@ -178,5 +180,6 @@ pub fn stops(joint: &mut Joint, view: &View) -> Option<String> {
     let yields = plant.stop_rad_n_m();
     let pressed = 0.5 + 0.5 * plant.backlash_counts + peak_n_m * yields / RAD_PER_COUNT;
     let dent = (plant.j_kg_m2 * yields).sqrt() * joint.fastest;
+    joint.worst.note(Measure::Dent, beyond);
     (beyond > pressed + dent).then(|| format!("{beyond:.2} counts beyond its range"))
 }

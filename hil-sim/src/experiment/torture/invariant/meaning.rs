@@ -1,0 +1,218 @@
+//! Whether properties do what the documents say, judged by the plant and the wire: HSG, LSG and BT, and what END and the measured values say.
+
+use std::collections::VecDeque;
+
+use tater_wire::{Cmd, EndCode, ModeCode, Property};
+
+use super::contact::{RIPPLE_N_M, STILL, UNITS, presses, strength};
+use super::joint::{Joint, View};
+use super::measure::Measure;
+
+/// Values of HSG and LSG that disable them, and HSG 0 (manual 5.3.1, docs/properties.md).
+const DISABLED: i64 = 255;
+
+/// Ticks within which a strain outside HSG and LSG ends a move: the tick that reads it, and the next.
+const STRAIN_MS: u32 = 2;
+
+/// A link breaks away under BT (docs/safety.md: 10 ms). Torque above BT that the board cannot take for less: R, Ke and halls are off
+/// by 30 % and 10°.
+const LOADED: f64 = 1.3;
+
+/// Ticks within which it must: 10 ms of BT, and until it is slower than a quarter of its set-point, which halls show by the time since the last
+/// count: 4 counts at that speed. Half as much again for both.
+const BREAKS_AWAY_MS: u32 = 60;
+const BREAKS_AWAY_COUNTS: u32 = 6;
+
+/// Counts before E from which on a set-point still moves while its link lags by the few counts that make up a torque.
+const UNDER_WAY: i64 = 80;
+
+/// What a board does on its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Errand {
+    /// Nothing that HSG, LSG or BT end.
+    #[default]
+    None,
+    Homes,
+    Presses,
+    Moves,
+}
+
+impl Errand {
+    fn after(self, property: Property, value: i64) -> Self {
+        match property {
+            Property::FIND => Self::None,
+            Property::M => Self::Moves,
+            // It may have met a part of HI.
+            Property::MODE if self == Self::Homes || value != i64::from(ModeCode::Trapezoidal) => Self::None,
+            Property::MODE => Self::Moves,
+            Property::CMD => match Cmd::of(value) {
+                Some(Cmd::Hi) => Self::Homes,
+                Some(Cmd::Tc | Cmd::To) => Self::Presses,
+                Some(Cmd::Load | Cmd::Save | Cmd::Def) => self,
+                Some(Cmd::Reset | Cmd::T) | None => Self::None,
+                Some(Cmd::Home | Cmd::Ic | Cmd::Io | Cmd::C | Cmd::M | Cmd::O) => Self::Moves,
+            },
+            _ => self,
+        }
+    }
+}
+
+/// What these checks of a motor remember.
+#[derive(Debug, Default)]
+pub struct Meaning {
+    pub errand: Errand,
+    pub starts: u32,
+    strained_ms: u32,
+    loaded_ms: u32,
+    /// The true count at the last ticks in which the bridge was on, the newest first: the time of a stall waits while it is off (decision 0049).
+    cells: VecDeque<i64>,
+    /// Ticks since the motor last pushed against a contact with more than half of BT.
+    since_load_ms: u64,
+    end: i64,
+    was_driven: bool,
+    wrong_ms: u32,
+}
+
+/// Follows what the motor was ordered to do.
+pub fn follow(joint: &mut Joint, view: &View) {
+    let meaning = &mut joint.meaning;
+    if meaning.starts != view.starts() || view.sample.is_none() {
+        *meaning = Meaning { starts: view.starts(), ..Meaning::default() };
+    }
+    for (property, value) in view.orders() {
+        meaning.errand = meaning.errand.after(property, value);
+    }
+}
+
+/// Whether a motion of the errand is under way.
+fn is_under_way(joint: &Joint, view: &View) -> bool {
+    let mode = view.property(Property::MODE).and_then(ModeCode::of);
+    let runs = match joint.meaning.errand {
+        Errand::Moves => mode == Some(ModeCode::Trapezoidal),
+        Errand::Presses => mode == Some(ModeCode::Velocity),
+        Errand::None | Errand::Homes => false,
+    };
+    runs && view.driven() && view.property(Property::END) == Some(0)
+}
+
+pub fn strain(joint: &mut Joint, view: &View) -> Option<String> {
+    let under_way = is_under_way(joint, view);
+    let meaning = &mut joint.meaning;
+    let [hsg, lsg, sg] = [Property::HSG, Property::LSG, Property::SG].map(|it| view.property(it));
+    let (hsg, lsg, sg) = (hsg?, lsg?, sg?);
+    let above = hsg != 0 && hsg < DISABLED && sg > hsg;
+    let below = lsg < DISABLED && sg < lsg;
+    meaning.strained_ms = if under_way && (above || below) && view.orders().next().is_none() {
+        meaning.strained_ms + 1
+    } else {
+        0
+    };
+    joint.worst.note(Measure::StrainMs, meaning.strained_ms.into());
+    (meaning.strained_ms > STRAIN_MS)
+        .then(|| format!("moves on for {} ms with SG {sg}; LSG is {lsg}, HSG {hsg}", meaning.strained_ms))
+}
+
+pub fn breakaway(joint: &mut Joint, view: &View) -> Option<String> {
+    let strength = strength(&joint.plant);
+    let moves = joint.meaning.errand == Errand::Moves && is_under_way(joint, view);
+    let bt = view.property(Property::BT)?;
+    let way = view.property(Property::E)? - view.property(Property::P)?;
+    let torque = view.truth.torque_n_m;
+    let carries = torque > LOADED * bt as f64 / UNITS * strength + RIPPLE_N_M && presses(view);
+    let stands = view.truth.counts_per_s.abs() <= STILL;
+    let loaded = moves && bt != 0 && way > UNDER_WAY && carries && stands && view.orders().next().is_none();
+    let meaning = &mut joint.meaning;
+    meaning.loaded_ms = if loaded { meaning.loaded_ms + 1 } else { 0 };
+    joint.worst.note(Measure::LoadedMs, meaning.loaded_ms.into());
+    let speed = view.property(Property::MV)?.min(view.property(Property::MCV)?).unsigned_abs() as u32;
+    (meaning.loaded_ms > BREAKS_AWAY_MS + 1_000 * BREAKS_AWAY_COUNTS / speed.max(1)).then(|| {
+        let units = torque / strength * UNITS;
+        format!("carries {units:.0} for {} ms and does not break away; BT is {bt}", meaning.loaded_ms)
+    })
+}
+
+/// Ticks that a motor has stood less than TSTOP when it reports a stall: a clock that is off.
+const STALL_SLACK_MS: u64 = 15;
+
+/// Counts by which a rotor that stalls springs to and fro.
+const REST: i64 = 1;
+
+/// Counts about its goal within which a motor with wild gains hunts.
+const HUNT: i64 = 20;
+
+/// Ticks of the past: of a longer TSTOP only so much is checked.
+const CELLS_MS: usize = 400;
+
+/// Time within which a motor that reports a breakaway has carried half of BT, ms.
+const LOAD_MS: u64 = 60;
+
+pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
+    let strength = strength(&joint.plant);
+    let bt = view.property(Property::BT)?;
+    let carried = 0.5 * bt as f64 / UNITS * strength;
+    let meaning = &mut joint.meaning;
+    if view.driven() || meaning.was_driven {
+        meaning.cells.push_front(view.cell);
+        meaning.cells.truncate(CELLS_MS);
+    }
+    meaning.was_driven = view.driven();
+    let loaded = view.truth.torque_n_m.abs() > carried && view.driven();
+    meaning.since_load_ms = if loaded { 0 } else { meaning.since_load_ms + 1 };
+    let end = view.property(Property::END)?;
+    let before = std::mem::replace(&mut meaning.end, end);
+    if end == before || view.orders().next().is_some() {
+        return None;
+    }
+    match EndCode::of(end)? {
+        EndCode::Stalled => {
+            let tstop = view.property(Property::TSTOP)?.unsigned_abs();
+            let least = tstop.min(CELLS_MS as u64) - tstop.min(CELLS_MS as u64) / 20;
+            let end = view.property(Property::E)?;
+            // One that hunts about its goal gives up 2 s after TSTOP (docs/hand.md).
+            let place = view.property(Property::P)? - view.cell;
+            if meaning.cells.len() == CELLS_MS
+                && meaning.cells.iter().all(|cell| (cell + place - end).abs() <= HUNT)
+            {
+                return None;
+            }
+            let stood =
+                meaning.cells.iter().take_while(|cell| (*cell - view.cell).abs() <= REST).count() as u64;
+            (stood + STALL_SLACK_MS < least)
+                .then(|| format!("says stalled, but has stood driven for {stood} ms only; TSTOP is {tstop}"))
+        }
+        EndCode::Breakaway => (meaning.since_load_ms > LOAD_MS).then(|| {
+            format!("says that it broke away, but has not carried {bt}/2 for {} ms", meaning.since_load_ms)
+        }),
+        _ => None,
+    }
+}
+
+/// Stated errors of measured values: the thermistor lags its housing, and the bus is read once a tick.
+const BUS_V: f64 = 1.0;
+const THERM_C: f64 = 3.0;
+
+/// Ticks for which a value must be wrong: the erase of a page stops a board for 40 ms.
+const WRONG_MS: u32 = 60;
+
+pub fn values(joint: &mut Joint, view: &View) -> Option<String> {
+    let value = |property| view.property(property).map(|value| value as f64);
+    let (therm, vbus) = (value(Property::THERM)? / 10.0, value(Property::VBUS)? / 10.0);
+    let vel = value(Property::VEL)?;
+    let released = value(Property::B)? != 0.0;
+    let (c, v) = ((therm - view.truth.housing_c).abs(), (vbus - view.volts).abs());
+    joint.worst.note(Measure::Velocity, (vel - view.truth.counts_per_s).abs());
+    let wrong = if c > THERM_C {
+        Some(format!("THERM says {therm} C, the housing has {:.1}", view.truth.housing_c))
+    } else if v > BUS_V {
+        Some(format!("VBUS says {vbus} V, the bus has {:.1}", view.volts))
+    } else if joint.has_brake && released != view.brake_released {
+        Some(format!("B says {released}, the brake is told to release: {}", view.brake_released))
+    } else {
+        joint.worst.note(Measure::Therm, c);
+        joint.worst.note(Measure::Bus, v);
+        None
+    };
+    let meaning = &mut joint.meaning;
+    meaning.wrong_ms = if wrong.is_some() { meaning.wrong_ms + 1 } else { 0 };
+    wrong.filter(|_| joint.meaning.wrong_ms > WRONG_MS)
+}

@@ -1,0 +1,151 @@
+//! The host's shadow of the boards: what each of their settings was before a command, and so must be after it. A command that moves or asks
+//! changes no setting for longer than it takes: the BT that X takes away, the velocities of motors that arrive together and RealTime's KPV are given
+//! back (docs/hand.md, *Motions*), after ^C as well.
+
+use std::collections::BTreeMap;
+
+use tater_wire::Property;
+use tater_wire::property::{Access, PropertySpec, ROWS, Stored};
+
+use super::case::MOTORS;
+
+/// Values of properties.
+pub type Values = BTreeMap<Property, i64>;
+
+/// The settings of a board: what SAVE stores and nothing but an order changes. P moves with its motor.
+pub fn settings() -> impl Iterator<Item = Property> {
+    let is_setting = |row: &&PropertySpec| {
+        row.stored == Stored::Yes && row.access == Access::ReadWrite && row.property != Property::P
+    };
+    ROWS.iter().filter(is_setting).map(|row| row.property)
+}
+
+/// A board as its host may read it: how often it has started, and its settings.
+pub type Seen = Option<(u32, Values)>;
+
+/// What the host knows of each board.
+#[derive(Debug, Default)]
+pub struct Shadow {
+    boards: [Seen; MOTORS],
+    /// The host knows to which command a prompt belongs.
+    in_step: bool,
+    /// Orders may have been lost since the last comparison: what a board did not confirm comes with the next motion.
+    doubtful: bool,
+}
+
+impl Shadow {
+    /// The host has begun, or has brought a prompt by ^C: what it sends next has the next prompt.
+    pub fn fall_in_step(&mut self) {
+        self.in_step = true;
+    }
+
+    /// The host has sent what may have any number of prompts and may set anything.
+    pub fn lose_step(&mut self) {
+        self.in_step = false;
+        self.forget();
+    }
+
+    /// Settings may have been ordered.
+    pub fn forget(&mut self) {
+        self.boards = Default::default();
+    }
+
+    /// Orders may be lost.
+    pub fn doubt(&mut self) {
+        self.doubtful = true;
+    }
+
+    /// At the prompt before a command: takes what it does not know.
+    pub fn look(&mut self, now: [Seen; MOTORS]) {
+        self.drop_restarted(&now);
+        if !self.in_step || self.doubtful {
+            return;
+        }
+        for (known, now) in self.boards.iter_mut().zip(now) {
+            if known.is_none() {
+                *known = now;
+            }
+        }
+    }
+
+    /// At the prompt after a command that leaves the settings alone. After one that `restored` what earlier ones may have left, no doubt is left
+    /// either. Returns the first motor that differs, and how.
+    pub fn compare(&mut self, now: [Seen; MOTORS], restored: bool) -> Option<(usize, String)> {
+        self.drop_restarted(&now);
+        if !self.in_step || self.doubtful && !restored {
+            return None;
+        }
+        self.doubtful = false;
+        let differs = |(motor, (known, now)): (usize, (&Seen, &Seen))| {
+            let ((_, known), (_, now)) = (known.as_ref()?, now.as_ref()?);
+            let (property, was) = known.iter().find(|(property, value)| now.get(property) != Some(value))?;
+            let found = now.get(property).copied().unwrap_or_default();
+            Some((motor, format!("{} was {was} before the command, and is {found}", property.row().name)))
+        };
+        let found = self.boards.iter().zip(&now).enumerate().find_map(differs);
+        self.boards = now;
+        found
+    }
+
+    /// A board that has started anew has its stored values, and what a motion had overridden comes back with the next one.
+    fn drop_restarted(&mut self, now: &[Seen; MOTORS]) {
+        for (known, now) in self.boards.iter_mut().zip(now) {
+            let starts = |seen: &Seen| seen.as_ref().map(|(starts, _)| *starts);
+            if known.is_some() && starts(known) != starts(now) {
+                *known = None;
+                self.doubtful = true;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hand(bt: i64) -> [Seen; MOTORS] {
+        std::array::from_fn(|_| Some((1, Values::from([(Property::BT, bt), (Property::MV, 1000)]))))
+    }
+
+    fn known() -> Shadow {
+        let mut shadow = Shadow::default();
+        shadow.fall_in_step();
+        shadow.look(hand(400));
+        shadow
+    }
+
+    #[test]
+    fn setting_that_is_not_given_back_is_named() {
+        let mut now = hand(400);
+        assert_eq!(known().compare(now.clone(), false), None);
+        now[2] = Some((1, Values::from([(Property::BT, 0), (Property::MV, 1000)])));
+        let found = known().compare(now, false);
+        assert_eq!(found, Some((2, "BT was 400 before the command, and is 0".to_owned())));
+    }
+
+    #[test]
+    fn ordered_settings_restarts_and_unknown_prompts_are_not_compared() {
+        let compared = |prepare: fn(&mut Shadow), starts: u32| {
+            let mut shadow = known();
+            prepare(&mut shadow);
+            let mut now = hand(0);
+            now.iter_mut().flatten().for_each(|seen| seen.0 = starts);
+            shadow.compare(now, false)
+        };
+        assert!(compared(|_| {}, 1).is_some());
+        assert_eq!(compared(|_| {}, 2), None);
+        assert_eq!(compared(Shadow::forget, 1), None);
+        assert_eq!(compared(Shadow::lose_step, 1), None);
+        assert_eq!(compared(Shadow::doubt, 1), None);
+    }
+
+    #[test]
+    fn doubt_lasts_until_a_motion_has_restored_everything() {
+        let mut shadow = known();
+        shadow.doubt();
+        assert_eq!(shadow.compare(hand(0), false), None);
+        assert!(shadow.compare(hand(0), true).is_some());
+        // What is found is the new state: one defect is one failure.
+        assert_eq!(shadow.compare(hand(0), false), None);
+    }
+}
