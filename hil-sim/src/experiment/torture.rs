@@ -12,6 +12,7 @@ pub mod fault;
 pub mod invariant;
 pub mod kinds;
 pub mod lines;
+mod observe;
 pub mod play;
 pub mod program;
 pub mod recovery;

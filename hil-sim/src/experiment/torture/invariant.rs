@@ -1,8 +1,9 @@
 //! What must hold in a hand, whatever its host sends and whatever breaks: each invariant with its name, the section that demands
 //! it, and its check. The checks run at each millisecond, which is each control tick of a board.
 //!
-//! A check sees the true state of the plant and, of native boards, the state of their program. Some faults excuse a check, because
-//! no board could hold it then; `excused_by` names them, and the comment of the check says why.
+//! A check sees the true state of the plant and, of native boards, what a host could read on the wire. It names nothing of the firmware
+//! (tests/fences/judge.rs); `torture/observe.rs` translates. Some faults excuse a check, because no board could hold it then; `excused_by`
+//! names them, and the comment of the check says why.
 
 mod contact;
 mod ending;
@@ -15,7 +16,7 @@ mod truth;
 
 use super::kinds::{FaultKind, Kinds};
 pub use contact::MAY_PRESS;
-pub use joint::{AFTERMATH_MS, Joint, View};
+pub use joint::{AFTERMATH_MS, Ground, Joint, Seen, SetPoint, View};
 use joint::{LOADS, LYING_HALLS, LYING_SENSORS};
 
 /// An invariant.
@@ -366,7 +367,7 @@ impl Joint {
         let mut broken = None;
         for invariant in INVARIANTS {
             let check = match invariant.check {
-                Check::Program(check) if view.node.is_some() => check,
+                Check::Program(check) if view.ground.is_some() => check,
                 Check::Motor(check) => check,
                 Check::Program(_) | Check::Hand => continue,
             };

@@ -4,13 +4,13 @@ use std::hash::{DefaultHasher, Hasher};
 
 use god::io::ABORT;
 use servo_core::mode::Mode;
-use tater_fw::events::BoardEvent;
 
 use super::case::{Case, MOTORS};
 use super::fault::{Faults, Subject};
 use super::invariant::measure::Worst;
-use super::invariant::{ABORT as ABORTS, ENERGY, GIVES_BACK, IMAGE, Joint, QUEUES, View};
+use super::invariant::{self, ABORT as ABORTS, ENERGY, GIVES_BACK, IMAGE, Joint, QUEUES, View};
 use super::kinds::{FaultKind, Kinds};
+use super::observe;
 use super::shadow::{self, Seen, Shadow};
 use crate::world::hand::Hand;
 use crate::world::node::Node;
@@ -119,7 +119,7 @@ pub struct Session<'a, S> {
     /// The line that is being received.
     line: Vec<u8>,
     stop_ms: u64,
-    events: Vec<BoardEvent>,
+    seen: Vec<invariant::Seen>,
     /// Bytes and frames that GOD has lost.
     lost: (u32, u32),
     /// Time since the host has read, ms.
@@ -148,7 +148,7 @@ impl<'a, S: Subject> Session<'a, S> {
             tail: Vec::new(),
             line: Vec::new(),
             stop_ms: case.stop_ms,
-            events: Vec::new(),
+            seen: Vec::new(),
             lost: (0, 0),
             unread_ms: 0,
             silent_ms: 0,
@@ -288,12 +288,14 @@ impl<'a, S: Subject> Session<'a, S> {
     fn check(&mut self) {
         let ms = self.ms();
         for motor in 0..MOTORS {
-            self.events.clear();
+            self.seen.clear();
             if let Some(node) = self.hand.bus_mut().station_mut(motor).and_then(Subject::native_mut) {
-                self.events.extend(std::iter::from_fn(|| node.board_event()));
+                self.seen.extend(std::iter::from_fn(|| node.board_event()).map(observe::seen));
             }
             let Some(board) = self.hand.bus().stations().nth(motor) else { continue };
             let native = board.native();
+            let application = native.and_then(Node::application);
+            let answer = application.map(|tater| move |property| tater.property(property));
             let truth = board.rig().truth();
             let view = View {
                 ms,
@@ -302,9 +304,10 @@ impl<'a, S: Subject> Session<'a, S> {
                 volts: board.rig().plant().bus_v,
                 bridge: board.bridge(),
                 brake_released: board.is_brake_released(),
-                node: native,
-                sample: native.and_then(Node::sample),
-                events: &self.events,
+                ground: native.map(observe::ground),
+                set_point: application.map(observe::set_point),
+                answer: answer.as_ref().map(|answer| answer as _),
+                seen: &self.seen,
                 faults: self.faults.recent_at(motor),
                 active: self.faults.active_at(motor),
                 anywhere: self.faults.recent(),
@@ -314,7 +317,7 @@ impl<'a, S: Subject> Session<'a, S> {
             let peaks = &mut self.outcome.peaks;
             *peaks =
                 [peaks[0].max(truth.winding_c), peaks[1].max(truth.peak_phase_a), peaks[2].max(view.volts)];
-            if let Some(fault) = view.sample.as_ref().and_then(|sample| sample.status.fault) {
+            if let Some(fault) = application.and_then(|tater| tater.status().fault) {
                 self.outcome.errors |= 1 << (tater_fw::codes::fault_code(fault).code() & 63);
             }
             let broken = self.joints[motor].check(&view);

@@ -1,7 +1,7 @@
 //! What stops, objects and other fingers feel, judged by the plant's truth, the wire and the documents alone: nothing of servo-core is named here
 //! (tests/fences/judge.rs).
 
-use tater_wire::Property;
+use tater_wire::{EndCode, ModeCode, Property};
 
 use super::joint::{Contact, Joint, View};
 use super::meaning::{Errand, follow};
@@ -41,18 +41,10 @@ const HOMING_TSTOP: u64 = 250;
 /// Ticks beyond TSTOP: the count that a set-point needs to be ahead (10), and the torque of HI that turns round slowly (decision 0053).
 const STALL_SLACK_MS: u64 = 40;
 
-/// Modes of the wire (docs/properties.md).
-const PID: i64 = 3;
-const VELOCITY: i64 = 4;
-const TRAPEZOIDAL: i64 = 5;
-
-/// END of a stall.
-const STALLED: i64 = 2;
-
 /// A motor that stands and presses on something, by its true torque and what its board says on the wire.
 pub struct Pressing {
-    mode: i64,
-    end: i64,
+    mode: ModeCode,
+    end: Option<EndCode>,
     tstop: i64,
     /// V of a host, counts/s.
     v: i64,
@@ -79,24 +71,26 @@ pub const MAY_PRESS: [Right; 5] = [
     Right {
         who: "a hold",
         why: "it carries what the motion has met: manual 5.5",
-        has: |pressing| pressing.mode == PID,
+        has: |pressing| pressing.mode == ModeCode::Pid,
     },
     Right {
         who: "TC or TO after its stall, with HOLD 1",
         why: "it presses on: manual 5.5; decision 0031",
-        has: |pressing| pressing.mode == VELOCITY && pressing.end == STALLED,
+        has: |pressing| pressing.mode == ModeCode::Velocity && pressing.end == Some(EndCode::Stalled),
     },
     Right {
         who: "mode 4 below eight counts a TSTOP",
         why: "a free joint may stick for as long: decision 0077",
         has: |pressing| {
-            pressing.mode == VELOCITY && pressing.v != 0 && pressing.v.abs() * pressing.tstop < 8_000
+            pressing.mode == ModeCode::Velocity
+                && pressing.v != 0
+                && pressing.v.abs() * pressing.tstop < 8_000
         },
     },
     Right {
         who: "a move whose set-point is not a count ahead",
         why: "it creeps at first, or has turned back: TSTOP waits, decision 0049",
-        has: |pressing| pressing.mode == TRAPEZOIDAL && pressing.ahead < 1.0,
+        has: |pressing| pressing.mode == ModeCode::Trapezoidal && pressing.ahead < 1.0,
     },
 ];
 
@@ -165,17 +159,17 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
 pub fn time(joint: &mut Joint, view: &View) -> Option<String> {
     let strength = strength(&joint.plant);
     let contact = &mut joint.contact;
-    let Some((tater, sample)) = view.application() else {
+    if !view.runs() {
         (contact.held_ms, contact.tstop) = (0, 0);
         return None;
-    };
+    }
     let torque = view.truth.torque_n_m;
     let pressing = Pressing {
-        mode: tater.property(Property::MODE)?,
-        end: tater.property(Property::END)?,
-        tstop: tater.property(Property::TSTOP)?,
-        v: tater.property(Property::VSET)?,
-        ahead: (sample.setpoint_counts() - sample.estimated_counts()) * torque.signum(),
+        mode: view.mode()?,
+        end: EndCode::of(view.property(Property::END)?),
+        tstop: view.property(Property::TSTOP)?,
+        v: view.property(Property::VSET)?,
+        ahead: view.set_point?.ahead * torque.signum(),
     };
     // The cell, which the halls may place in the dent of a stop.
     let same = std::mem::replace(&mut contact.cell, view.cell) == view.cell;
@@ -187,7 +181,7 @@ pub fn time(joint: &mut Joint, view: &View) -> Option<String> {
     }
     if excused {
         // Where the set-point is not ahead TSTOP's time waits; a hold begins anew.
-        if pressing.mode != TRAPEZOIDAL {
+        if pressing.mode != ModeCode::Trapezoidal {
             (contact.held_ms, contact.tstop) = (0, 0);
         }
         return None;
@@ -198,6 +192,6 @@ pub fn time(joint: &mut Joint, view: &View) -> Option<String> {
     // A clock that is off.
     let drift_ms = contact.tstop / 40;
     (contact.held_ms > contact.tstop + STALL_SLACK_MS + drift_ms).then(|| {
-        format!("pressed for {} ms in mode {}; TSTOP is {}", contact.held_ms, pressing.mode, pressing.tstop)
+        format!("pressed for {} ms in mode {:?}; TSTOP is {}", contact.held_ms, pressing.mode, pressing.tstop)
     })
 }

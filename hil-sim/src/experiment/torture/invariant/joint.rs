@@ -2,16 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use servo_core::guard::fault::LimitCause;
-use servo_core::mode::Mode;
-use tater_fw::events::BoardEvent;
-use tater_wire::{Cmd, MotorKind, Property};
+use tater_wire::{Cmd, EndCode, ModeCode, MotorKind, Property};
 
 use super::meaning::Meaning;
 use super::measure::Worst;
 use crate::experiment::torture::case::{World, kind};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
-use crate::world::node::{Node, Sample};
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 use crate::world::rig::{Bridge, Truth};
 
@@ -40,6 +36,69 @@ pub const LYING_HALLS: Kinds =
 pub const LOADS: Kinds =
     Kinds::of(&[FaultKind::Push, FaultKind::Jam, FaultKind::BrakeStuckOn, FaultKind::BrakeStuckOff]);
 
+/// What a board has done, in the terms of the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seen {
+    /// It has obeyed a SET. Those of T and V, which hosts stream, and of LOCK are not among them.
+    Order {
+        /// The property.
+        property: Property,
+        /// Its new value.
+        value: i64,
+    },
+    /// A frame changed nothing. Repeated ones are seen once.
+    Refused,
+    /// A motion has ended.
+    Ended {
+        /// END.
+        end: EndCode,
+        /// MODE after it.
+        mode: ModeCode,
+    },
+    /// MODE has changed.
+    Mode(ModeCode),
+    /// HI has called a place zero.
+    Homed,
+    /// Something else, which takes its place among the 32 that a board remembers.
+    Other,
+}
+
+impl Seen {
+    /// Property and value of an order.
+    pub const fn order(&self) -> Option<(Property, i64)> {
+        match *self {
+            Self::Order { property, value } => Some((property, value)),
+            _ => None,
+        }
+    }
+}
+
+/// The set-point of modes 3 and 5.
+#[derive(Clone, Copy, Debug)]
+pub struct SetPoint {
+    /// Counts from the board's estimate of its rotor to the set-point.
+    pub ahead: f64,
+    /// Its velocity, counts/s.
+    pub counts_per_s: f64,
+}
+
+/// What the world knows of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct Ground {
+    /// Starts of the application since power was first applied.
+    pub starts: u32,
+    /// When the last frame passed the receive filters, simulated time in us.
+    pub heard_us: u64,
+    /// How often the watchdog has reset the board.
+    pub watchdog_resets: u32,
+    /// Operations of the flash so far, and erases with the bridge on.
+    pub flash_operations: u64,
+    /// See `flash_operations`.
+    pub erased_while_driven: u32,
+    /// Whether the flash has the hot mark (decision 0051), as the application has read it; true without one.
+    pub is_marked_hot: bool,
+}
+
 /// One motor at one tick.
 pub struct View<'a> {
     /// Simulated time, ms.
@@ -54,12 +113,14 @@ pub struct View<'a> {
     pub bridge: Bridge,
     /// Whether the brake is commanded to release.
     pub brake_released: bool,
-    /// The board, if it is a native one.
-    pub node: Option<&'a Node>,
-    /// State of its application, if that runs.
-    pub sample: Option<Sample>,
-    /// What the board has recorded since the last tick.
-    pub events: &'a [BoardEvent],
+    /// What the world knows of a native board; `None` of an emulated one.
+    pub ground: Option<Ground>,
+    /// The set-point of a native board: no GET answers it, and no plant has one.
+    pub set_point: Option<SetPoint>,
+    /// Answers a GET, in the units of docs/properties.md; `None` without an application, and of an emulated board.
+    pub answer: Option<&'a dyn Fn(Property) -> Option<i64>>,
+    /// What the board has done since the last tick, oldest first.
+    pub seen: &'a [Seen],
     /// Faults of this motor or of the hand that are active or ended within [`AFTERMATH_MS`].
     pub faults: Kinds,
     /// The faults that are active now.
@@ -74,27 +135,34 @@ impl View<'_> {
         self.bridge != Bridge::Off
     }
 
-    /// The value that the board answers to a GET; `None` without an application.
+    /// Whether a native board's application runs.
+    pub const fn runs(&self) -> bool {
+        self.answer.is_some()
+    }
+
+    /// The answer to a GET; `None` without an application, or if the property has no value.
     pub fn property(&self, property: Property) -> Option<i64> {
-        self.node?.application()?.property(property)
+        (self.answer?)(property)
     }
 
-    /// The SETs that the board has obeyed since the last tick, in order.
-    pub fn orders(&self) -> impl Iterator<Item = (Property, i64)> + '_ {
-        self.events.iter().filter_map(|event| match event {
-            BoardEvent::Order { property, value } => Some((*property, i64::from(*value))),
-            _ => None,
-        })
+    /// MODE.
+    pub fn mode(&self) -> Option<ModeCode> {
+        ModeCode::of(self.property(Property::MODE)?)
     }
 
-    /// How often the board's application has started.
+    /// Whether the position is known: bit 30 of HALLH.
+    pub fn is_homed(&self) -> bool {
+        self.property(Property::HALLH).is_some_and(|halls| halls >> 30 & 1 == 1)
+    }
+
+    /// How often the application has started.
     pub fn starts(&self) -> u32 {
-        self.node.map_or(0, Node::starts)
+        self.ground.map_or(0, |ground| ground.starts)
     }
 
-    /// The application and its state, of a native board whose application runs.
-    pub fn application(&self) -> Option<(&tater_fw::Tater<crate::world::board::SimBoard>, &Sample)> {
-        Some((self.node?.application()?, self.sample.as_ref()?))
+    /// The SETs that were obeyed since the last tick, oldest first. Those of T and V, which hosts stream, and of LOCK are not among them.
+    pub fn orders(&self) -> impl Iterator<Item = (Property, i64)> + '_ {
+        self.seen.iter().filter_map(Seen::order)
     }
 }
 
@@ -127,12 +195,12 @@ pub struct Power {
     pub was_low: bool,
     pub was_faulty: bool,
     pub was_engaged: bool,
-    pub limits: [i32; MEMORY],
+    pub limits: [i64; MEMORY],
     pub next: usize,
     pub watchdog_resets: u32,
     pub erased: u32,
     /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s.
-    pub allowed: u16,
+    pub allowed: i64,
 }
 
 impl Default for Power {
@@ -164,16 +232,16 @@ pub enum Orderer {
 }
 
 /// Whether a value of CMD begins or ends a motion; LOAD, SAVE, RESET and DEF do neither.
-fn moves(cmd: i32) -> bool {
-    !matches!(Cmd::of(cmd.into()), Some(Cmd::Load | Cmd::Save | Cmd::Reset | Cmd::Def))
+fn moves(cmd: i64) -> bool {
+    !matches!(Cmd::of(cmd), Some(Cmd::Load | Cmd::Save | Cmd::Reset | Cmd::Def))
 }
 
 impl Orderer {
     /// The one after an order, given in mode `before`.
-    pub fn after(self, property: Property, value: i32, before: Mode) -> Self {
+    pub fn after(self, property: Property, value: i64, before: Option<ModeCode>) -> Self {
         match property {
             Property::MODE if value != 5 => Self::Other,
-            Property::MODE if before != Mode::Trapezoidal || self == Self::Mode => Self::Mode,
+            Property::MODE if before != Some(ModeCode::Trapezoidal) || self == Self::Mode => Self::Mode,
             Property::MODE => Self::Unknown,
             Property::CMD if moves(value) => Self::Other,
             Property::M | Property::FIND => Self::Other,
@@ -205,7 +273,7 @@ pub struct Ending {
     pub holds: bool,
     /// Who has ordered the motion under way, and the mode of the last tick.
     pub orderer: Orderer,
-    pub mode: Mode,
+    pub mode: Option<ModeCode>,
     pub speed: f64,
     /// Where the rotor has been of late: least and largest place, counts, and for how many ticks.
     pub stayed: (f64, f64),
@@ -292,13 +360,4 @@ impl Joint {
     pub fn no_load(&self, bus_v: f64) -> f64 {
         bus_v / self.plant.ke_v_s / RAD_PER_COUNT
     }
-}
-
-/// Whether the torque is the duty limit's, which may brake harder than MT.
-pub fn is_by_duty(sample: &Sample) -> bool {
-    sample.status.limit == Some(LimitCause::Duty)
-}
-
-pub fn is_idle(sample: &Sample) -> bool {
-    sample.status.mode == Mode::Idle
 }

@@ -1,12 +1,9 @@
 //! What a board keeps: counters, saved properties, and everything while it refuses.
 
-use servo_core::mode::Mode;
-use tater_fw::events::BoardEvent;
-use tater_fw::storage::LOSS;
 use tater_wire::property::{Access, ROWS, Stored};
-use tater_wire::{FaultCode, Property};
+use tater_wire::{Cmd, FaultCode, ModeCode, Property};
 
-use super::joint::{Joint, Keeping, Values, View};
+use super::joint::{Ground, Joint, Keeping, Seen, Values, View};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// Time without a flash operation after which everything queued is stored, ms: housekeeping queues ten times a second.
@@ -33,39 +30,43 @@ const CUTS: Kinds = Kinds::of(&[
 
 const COUNTERS: [Property; 3] = [Property::UPSECS, Property::OD, Property::PTEMP];
 
-fn sets(event: &BoardEvent, properties: &[Property]) -> bool {
-    matches!(event, BoardEvent::Order { property, .. } if properties.contains(property))
+/// What a power cut may take of them: 60 s, 499 revolutions, 1.0 C (decision 0018).
+const LOSS: [i64; 3] = [60, 499, 10];
+
+/// A number of CMD.
+fn is_command(value: i64, cmd: Cmd) -> bool {
+    Cmd::of(value) == Some(cmd)
+}
+
+fn sets(seen: &Seen, properties: &[Property]) -> bool {
+    seen.order().is_some_and(|(property, _)| properties.contains(&property))
 }
 
 pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
     let keeping = &mut joint.keeping;
     keeping.damaged |= view.active.meets(DAMAGE);
     keeping.cut |= view.active.meets(CUTS);
-    keeping.slept |= view
-        .events
-        .iter()
-        .any(|event| matches!(event, BoardEvent::Order { property: Property::STAT, value: 0 }));
-    let (tater, _) = view.application()?;
-    let starts = view.node?.starts();
-    let restarted = starts != keeping.starts;
-    if !restarted && !view.ms.is_multiple_of(50) && view.events.is_empty() {
+    keeping.slept |= view.orders().any(|order| order == (Property::STAT, 0));
+    if !view.runs() {
         return None;
     }
-    let now = COUNTERS.map(|counter| tater.property(counter).unwrap_or(0));
+    let restarted = view.starts() != keeping.starts;
+    if !restarted && !view.ms.is_multiple_of(50) && view.seen.is_empty() {
+        return None;
+    }
+    let now = COUNTERS.map(|counter| view.property(counter).unwrap_or(0));
     if restarted {
         keeping.since_ms = view.ms;
     } else if view.ms < keeping.since_ms + COUNTED_MS {
         return None;
     }
     let before = std::mem::replace(&mut keeping.counters, now);
-    if view.events.iter().any(|event| sets(event, &COUNTERS) || sets(event, &[Property::DEF, Property::LOAD]))
-    {
+    if view.seen.iter().any(|seen| sets(seen, &COUNTERS) || sets(seen, &[Property::DEF, Property::LOAD])) {
         return None;
     }
     // A start takes what was stored: a bounded loss (decision 0018), and nothing by STAT 0.
     let was_ordered = std::mem::take(&mut keeping.slept) && !std::mem::take(&mut keeping.cut);
-    let most = [i64::from(LOSS.upsecs), i64::from(LOSS.odometer), i64::from(LOSS.ptemp)];
-    let loss = if restarted && !was_ordered { most } else { [0; 3] };
+    let loss = if restarted && !was_ordered { LOSS } else { [0; 3] };
     if restarted && std::mem::take(&mut keeping.damaged) {
         return None;
     }
@@ -75,22 +76,18 @@ pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
 }
 
 /// DEF, as a property or a command. Forgetting too much only checks less.
-fn forgets(event: &BoardEvent) -> bool {
-    matches!(
-        event,
-        BoardEvent::Order { property: Property::DEF, .. }
-            | BoardEvent::Order { property: Property::CMD, value: 3 }
-    )
+fn forgets(property: Property, value: i64) -> bool {
+    property == Property::DEF || property == Property::CMD && is_command(value, Cmd::Def)
 }
 
 /// DEF, and a SAVE of the property whose value is not known because the program has ended since.
-fn saves_or_forgets(event: &BoardEvent, property: Property) -> bool {
-    forgets(event)
-        || match event {
-            BoardEvent::Order { property: Property::SAVE, value } => {
-                *value == -1 || u8::try_from(*value).ok().and_then(Property::of) == Some(property)
+fn saves_or_forgets((order, value): (Property, i64), property: Property) -> bool {
+    forgets(order, value)
+        || match order {
+            Property::SAVE => {
+                value == -1 || u8::try_from(value).ok().and_then(Property::of) == Some(property)
             }
-            BoardEvent::Order { property: Property::CMD, value } => *value == 1,
+            Property::CMD => is_command(value, Cmd::Save),
             _ => false,
         }
 }
@@ -101,29 +98,25 @@ fn is_kept(property: Property) -> bool {
     row.stored == Stored::Yes && row.access == Access::ReadWrite && property != Property::P
 }
 
-fn kept(
-    tater: &tater_fw::Tater<crate::world::board::SimBoard>,
-) -> impl Iterator<Item = (Property, i64)> + '_ {
+fn kept(view: &View) -> impl Iterator<Item = (Property, i64)> {
     let properties = ROWS.iter().map(|row| row.property).filter(|&property| is_kept(property));
-    properties.filter_map(|property| Some((property, tater.property(property)?)))
+    properties.filter_map(|property| Some((property, view.property(property)?)))
 }
 
 impl Keeping {
     fn saved(&mut self, view: &View) {
-        let Some((tater, _)) = view.application() else { return };
-        for (at, event) in view.events.iter().enumerate() {
-            let BoardEvent::Order { property, value } = event else { continue };
-            let id = u8::try_from(*value).ok();
-            let one = id.and_then(Property::of).filter(|&property| is_kept(property));
-            let all = *value == -1 || *property == Property::CMD;
-            match (*property, *value) {
-                (Property::SAVE, _) | (Property::CMD, 1) => {
+        for (at, seen) in view.seen.iter().enumerate() {
+            let Some((order, value)) = seen.order() else { continue };
+            let one = u8::try_from(value).ok().and_then(Property::of).filter(|&property| is_kept(property));
+            let all = value == -1 || order == Property::CMD;
+            match order {
+                _ if order == Property::SAVE || order == Property::CMD && is_command(value, Cmd::Save) => {
                     // The values are those at the end of the tick. What was ordered after the SAVE is not what it saved: then no
                     // value of that property is known to be stored, nor is an earlier one.
-                    let later = &view.events[at..];
-                    for (property, value) in kept(tater).filter(|(property, _)| all || one == Some(*property))
+                    let later = &view.seen[at..];
+                    for (property, value) in kept(view).filter(|(property, _)| all || one == Some(*property))
                     {
-                        if later.iter().any(|event| sets(event, &[property, Property::LOAD])) {
+                        if later.iter().any(|seen| sets(seen, &[property, Property::LOAD])) {
                             self.queued.remove(&property);
                             self.stored.remove(&property);
                         } else {
@@ -132,7 +125,7 @@ impl Keeping {
                     }
                     self.quiet_ms = 0;
                 }
-                _ if forgets(event) => {
+                _ if forgets(order, value) => {
                     self.queued.clear();
                     self.stored.clear();
                 }
@@ -144,28 +137,25 @@ impl Keeping {
 
 pub fn saves(joint: &mut Joint, view: &View) -> Option<String> {
     let keeping = &mut joint.keeping;
-    let node = view.node?;
-    let operations = node.board().sim_flash().operations();
+    let Ground { starts, flash_operations: operations, .. } = view.ground?;
     let quiet = std::mem::replace(&mut keeping.operations, operations) == operations;
     keeping.quiet_ms = if quiet { keeping.quiet_ms + 1 } else { 0 };
-    let Some((tater, _)) = view.application() else {
+    if !view.runs() {
         // What was on its way may be there or not.
         for property in std::mem::take(&mut keeping.queued).keys() {
             keeping.stored.remove(property);
         }
-        keeping
-            .stored
-            .retain(|property, _| !view.events.iter().any(|event| saves_or_forgets(event, *property)));
+        keeping.stored.retain(|property, _| !view.orders().any(|order| saves_or_forgets(order, *property)));
         keeping.missing = None;
         keeping.quiet_ms = 0;
         return None;
-    };
-    let error = tater.property(Property::ERROR)?;
+    }
+    let error = view.property(Property::ERROR)?;
     let reported = error == i64::from(FaultCode::Storage.code());
-    if node.starts() != keeping.starts {
-        keeping.starts = node.starts();
+    if starts != keeping.starts {
+        keeping.starts = starts;
         keeping.present = None;
-        let now: Values = kept(tater).collect();
+        let now: Values = kept(view).collect();
         let missing: Values = keeping
             .stored
             .iter()
@@ -198,34 +188,34 @@ pub fn saves(joint: &mut Joint, view: &View) -> Option<String> {
 
 /// What an accepted SET may change, and nothing else does.
 fn settings(view: &View) -> Option<Values> {
-    let (tater, _) = view.application()?;
-    let all = kept(tater);
+    if !view.runs() {
+        return None;
+    }
     let more =
-        [Property::E, Property::LFLAGS].map(|property| (property, tater.property(property).unwrap_or(0)));
-    Some(all.chain(more).collect())
+        [Property::E, Property::LFLAGS].map(|property| (property, view.property(property).unwrap_or(0)));
+    Some(kept(view).chain(more).collect())
 }
 
 pub fn refusals(joint: &mut Joint, view: &View) -> Option<String> {
     let keeping = &mut joint.keeping;
-    if view.sample.is_none() {
+    if !view.runs() {
         keeping.present = None;
         return None;
     }
-    let (tater, _) = view.application()?;
-    let error = std::mem::replace(&mut keeping.error, tater.property(Property::ERROR)?);
-    let mut orders = view.events.iter().filter(|event| matches!(event, BoardEvent::Order { .. }));
-    let ordered = orders.clone().next().is_some();
+    let error = std::mem::replace(&mut keeping.error, view.property(Property::ERROR)?);
+    let mut orders = view.orders();
+    let first = orders.next();
     // One order alone: another may have cleared the fault before.
-    if let (Some(BoardEvent::Order { property: Property::P, value }), None) = (orders.next(), orders.next())
+    if let (Some((Property::P, value)), None) = (first, orders.next())
         && error != 0
         && keeping.error == error
-        && view.sample.as_ref()?.status.mode == Mode::Idle
+        && view.mode() == Some(ModeCode::Idle)
     {
         return Some(format!("SET P {value} was obeyed with ERROR {error}"));
     }
-    let refused = view.events.iter().any(|event| matches!(event, BoardEvent::Refused { .. }));
-    // The ring holds 32 events: a burst may have pushed an order out.
-    if keeping.present.is_none() || ordered || view.events.len() > 16 {
+    let refused = view.seen.contains(&Seen::Refused);
+    // A board remembers 32: a burst may have pushed an order out.
+    if keeping.present.is_none() || first.is_some() || view.seen.len() > 16 {
         keeping.present = settings(view);
         return None;
     }

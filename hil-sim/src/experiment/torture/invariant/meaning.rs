@@ -76,7 +76,7 @@ pub struct Meaning {
 /// Follows what the motor was ordered to do.
 pub fn follow(joint: &mut Joint, view: &View) {
     let meaning = &mut joint.meaning;
-    if meaning.starts != view.starts() || view.sample.is_none() {
+    if meaning.starts != view.starts() || !view.runs() {
         *meaning = Meaning { starts: view.starts(), ..Meaning::default() };
     }
     for (property, value) in view.orders() {

@@ -1,18 +1,21 @@
 //! When a motor may be driven, and how hard.
 
-use servo_core::guard::fault::Fault;
-use servo_core::guard::thermal::DISABLED;
-use servo_core::mode::Mode;
-use servo_core::sense::commutation::Leg;
+use tater_wire::{FaultCode, ModeCode, Property};
 
-use super::joint::{Joint, LYING_HALLS, LYING_SENSORS, MEMORY, View, is_by_duty, is_idle};
+use super::joint::{Joint, LYING_HALLS, LYING_SENSORS, MEMORY, View};
 use super::measure::Measure;
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 use crate::world::plant::RAD_PER_COUNT;
-use crate::world::rig::Bridge;
+use crate::world::rig::{Bridge, Leg};
 
 /// The largest duty, 990 of 1024, in 1/32768.
 const DUTY: u16 = 31_680;
+
+/// By how much dead time and rounding may reduce the largest duty, 1/32768: 500 ns of 50 us twice (docs/board.md, Bridge) are 1.1 %.
+const DEAD: u16 = 512;
+
+/// Bus voltage from which on a board returns less current, V (decision 0053), and the tolerance of its measurement.
+const RETURN_V: f64 = 27.5;
 
 /// Winding temperature at which the boards' model allows no torque, 130 C, and 5 K for its error.
 const WINDING_C: f64 = 135.0;
@@ -24,11 +27,14 @@ const WINDING_UNMARKED_C: f64 = 110.0;
 const WINDING_LYING_C: f64 = 155.0;
 
 /// Full torque, and the band of temperature below OTEMP in which it decreases, 0.1 C.
-const FULL: i32 = 990;
-const BAND: i32 = 80;
+const FULL: i64 = 990;
+const BAND: i64 = 80;
+
+/// OTEMP that disables the limit (docs/properties.md).
+const DISABLED: i64 = -551;
 
 /// Rounding of the derating, torque units: 0.1 C.
-const ROUNDING: i32 = 13;
+const ROUNDING: i64 = 13;
 
 /// Over-current may pass the trip by what one microsecond adds: 36 V over 0.8 mH are 0.045 A.
 const TRIP_A: f64 = 0.5;
@@ -49,8 +55,13 @@ pub fn legs(_: &mut Joint, view: &View) -> Option<String> {
     (!good).then(|| format!("legs {legs:?}"))
 }
 
+/// ERROR.
+fn fault_of(view: &View) -> Option<FaultCode> {
+    FaultCode::of(view.property(Property::ERROR)?)
+}
+
 pub fn load(joint: &mut Joint, view: &View) -> Option<String> {
-    let low = view.sample.as_ref().is_some_and(|sample| sample.status.fault == Some(Fault::UnderVoltage));
+    let low = fault_of(view) == Some(FaultCode::UnderVoltage);
     let was = std::mem::replace(&mut joint.power.was_low, low);
     // A board that hangs does not fold back.
     if !joint.has_strong_source || view.anywhere.meets(Kinds::of(&[FaultKind::BoardHang])) {
@@ -60,21 +71,19 @@ pub fn load(joint: &mut Joint, view: &View) -> Option<String> {
 }
 
 pub fn idle(joint: &mut Joint, view: &View) -> Option<String> {
-    let idle = view.sample.as_ref().is_some_and(is_idle);
+    let idle = view.mode() == Some(ModeCode::Idle);
     let was = std::mem::replace(&mut joint.power.was_idle, idle);
     (idle && was && view.driven()).then(|| "idle, but the bridge is on".to_owned())
 }
 
 pub fn monitor(_: &mut Joint, view: &View) -> Option<String> {
-    let node = view.node?;
-    (node.application().is_none() && view.driven())
-        .then(|| "no application runs, but the bridge is on".to_owned())
+    (!view.runs() && view.driven()).then(|| "no application runs, but the bridge is on".to_owned())
 }
 
 pub fn fault(joint: &mut Joint, view: &View) -> Option<String> {
-    let fault = view.sample.as_ref().and_then(|sample| sample.status.fault);
-    // A lost host forbids no motion.
-    let forbids = fault.is_some_and(|fault| fault != Fault::HostLost);
+    let fault = fault_of(view);
+    // A lost host forbids no motion, nor does the storage.
+    let forbids = fault.is_some_and(|fault| !matches!(fault, FaultCode::HostLost | FaultCode::Storage));
     let was = std::mem::replace(&mut joint.power.was_faulty, forbids);
     (forbids && was && view.driven()).then(|| format!("{fault:?} is latched, but the bridge is on"))
 }
@@ -85,30 +94,38 @@ pub fn brake(joint: &mut Joint, view: &View) -> Option<String> {
     (engaged && was && view.driven()).then(|| "driven against its brake".to_owned())
 }
 
+/// Whether the bounds of the duty set the torque, which may brake harder than MT: that of 97 % a rotor that is faster than its voltage drives it
+/// (decision 0005), that of a high bus one that returns current (decision 0053).
+fn is_by_duty(view: &View) -> bool {
+    let Bridge::On { duty, .. } = view.bridge else { return false };
+    duty.0.to_bits().unsigned_abs() >= DUTY - DEAD || view.volts > RETURN_V
+}
+
 pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
-    let Some((tater, sample)) = view.application() else {
+    if !view.runs() {
         joint.power.limits = [0; MEMORY];
         return None;
-    };
-    let config = tater.config();
-    let left = i32::from(config.otemp) - i32::from(sample.analog.motor_temp.0);
-    let derated = if config.otemp == DISABLED { FULL } else { left.clamp(0, BAND) * FULL / BAND + ROUNDING };
+    }
+    let otemp = view.property(Property::OTEMP)?;
+    let left = otemp - view.property(Property::THERM)?;
+    let derated = if otemp == DISABLED { FULL } else { left.clamp(0, BAND) * FULL / BAND + ROUNDING };
     let power = &mut joint.power;
-    power.limits[power.next] = i32::from(config.mt).min(derated);
+    power.limits[power.next] = view.property(Property::MT)?.min(derated);
     power.next = (power.next + 1) % MEMORY;
     let limit = power.limits.iter().copied().max().unwrap_or(0);
-    let torque = i32::from(sample.status.torque.0).abs();
-    (torque > limit && !is_by_duty(sample)).then(|| format!("torque {torque} beyond {limit}"))
+    let torque = view.property(Property::T)?.abs();
+    (torque > limit && !is_by_duty(view)).then(|| format!("torque {torque} beyond {limit}"))
 }
 
 pub fn duty(_: &mut Joint, view: &View) -> Option<String> {
-    let duty = view.sample.as_ref()?.status.duty.0.to_bits().unsigned_abs();
+    let Bridge::On { duty, .. } = view.bridge else { return None };
+    let duty = duty.0.to_bits().unsigned_abs();
     (duty > DUTY).then(|| format!("duty {duty}/32768"))
 }
 
 pub fn winding(joint: &mut Joint, view: &View) -> Option<String> {
     let lies = view.faults.meets(LYING_SENSORS.union(Kinds::of(&[FaultKind::ThermistorOpen])));
-    let unmarked = view.application().is_some_and(|(tater, _)| !tater.is_marked_hot());
+    let unmarked = view.ground.is_some_and(|ground| !ground.is_marked_hot);
     let most = match (lies, unmarked) {
         (true, _) => WINDING_LYING_C,
         (false, true) => WINDING_UNMARKED_C,
@@ -134,13 +151,13 @@ pub fn bus(_: &mut Joint, view: &View) -> Option<String> {
 }
 
 pub fn erase(joint: &mut Joint, view: &View) -> Option<String> {
-    let erased = view.node?.board().sim_flash().erased_while_driven();
+    let erased = view.ground?.erased_while_driven;
     let before = std::mem::replace(&mut joint.power.erased, erased);
     (erased > before).then(|| "a page was erased with the bridge on".to_owned())
 }
 
 pub fn watchdog(joint: &mut Joint, view: &View) -> Option<String> {
-    let resets = view.node?.watchdog_resets();
+    let resets = view.ground?.watchdog_resets;
     let before = std::mem::replace(&mut joint.power.watchdog_resets, resets);
     let expected = view.faults.meets(Kinds::of(&[FaultKind::BoardHang]));
     (resets > before && !expected).then(|| "the watchdog has bitten".to_owned())
@@ -161,13 +178,12 @@ pub fn speed(joint: &mut Joint, view: &View) -> Option<String> {
     if speed > no_load && !joint.pushed {
         return Some(format!("{speed:.0} counts/s, its voltage drives {no_load:.0}"));
     }
-    let (tater, sample) = view.application()?;
-    let config = tater.config();
-    let moves = sample.status.mode == Mode::Trapezoidal;
-    let fastest = config.mv.min(config.mcv.max(config.mov));
+    let moves = view.mode()? == ModeCode::Trapezoidal;
+    let either = view.property(Property::MCV)?.max(view.property(Property::MOV)?);
+    let fastest = view.property(Property::MV)?.min(either);
     joint.power.allowed = if moves { joint.power.allowed.max(fastest) } else { 0 };
-    let wanted: f64 = sample.status.setpoint_velocity.0.to_num();
-    let beyond = moves && wanted.abs() > f64::from(joint.power.allowed) + 1.0;
+    let wanted = view.set_point?.counts_per_s;
+    let beyond = moves && wanted.abs() > joint.power.allowed as f64 + 1.0;
     beyond.then(|| format!("set-point at {wanted:.0} counts/s, allowed are {}", joint.power.allowed))
 }
 

@@ -1,0 +1,49 @@
+//! What a board shows to the judge, in the terms of the wire, and what its world knows of it. This is the one place that knows both the judge
+//! and the firmware.
+
+use servo_core::Event;
+use tater_fw::Tater;
+use tater_fw::codes::{end_code, mode_code};
+use tater_fw::events::BoardEvent;
+
+use super::invariant::{Ground, Seen, SetPoint};
+use crate::world::board::SimBoard;
+use crate::world::node::Node;
+
+/// An event of a board, as a host may see it.
+pub fn seen(event: BoardEvent) -> Seen {
+    match event {
+        BoardEvent::Order { property, value } => Seen::Order { property, value: value.into() },
+        BoardEvent::Refused { .. } => Seen::Refused,
+        BoardEvent::Mode(mode) => Seen::Mode(mode_code(mode)),
+        BoardEvent::Motor(Event::Ended { reason, mode }) => {
+            Seen::Ended { end: end_code(reason), mode: mode_code(mode) }
+        }
+        BoardEvent::Motor(Event::Homed) => Seen::Homed,
+        BoardEvent::Motor(Event::Breakaway { .. } | Event::Fault(_) | Event::Glitch(_))
+        | BoardEvent::Found(_)
+        | BoardEvent::Flash(_) => Seen::Other,
+    }
+}
+
+/// The servo's set-point.
+pub fn set_point(tater: &Tater<SimBoard>) -> SetPoint {
+    let status = tater.status();
+    SetPoint {
+        ahead: status.setpoint.0.to_num::<f64>() - status.position.0.to_num::<f64>(),
+        counts_per_s: status.setpoint_velocity.0.to_num(),
+    }
+}
+
+/// What the world knows of a board.
+pub fn ground(node: &Node) -> Ground {
+    let flash = node.board().sim_flash();
+    Ground {
+        starts: node.starts(),
+        heard_us: node.heard_us(),
+        watchdog_resets: node.watchdog_resets(),
+        flash_operations: flash.operations(),
+        erased_while_driven: flash.erased_while_driven(),
+        is_marked_hot: node.application().is_none_or(Tater::is_marked_hot),
+    }
+}
