@@ -1,14 +1,18 @@
-//! What judges forces by physics knows the plant, the wire and the documents, and nothing of the code that it judges.
+//! What judges a hand by physics knows the plant, the wire and the documents, and nothing of the code that it judges.
 
 use super::tokens::tokens;
 use super::{Source, Violation, check_fence, check_workspace};
 
-/// The file of the judge, and the crates whose names it may not have.
-const JUDGE: &str = "hil-sim/src/experiment/torture/invariant/contact.rs";
+/// The judge's file and folder, and the crates whose names it may not have.
+const JUDGE: &str = "hil-sim/src/experiment/torture/invariant.rs";
+const FOLDER: &str = "hil-sim/src/experiment/torture/invariant/";
 const JUDGED: [&str; 3] = ["servo_core", "tater_fw", "god"];
 
+/// The one file that translates for the judge.
+const TRANSLATOR: &str = "hil-sim/src/experiment/torture/observe.rs";
+
 fn violations(source: &Source) -> Vec<Violation> {
-    if source.path != JUDGE {
+    if source.path != JUDGE && !source.path.starts_with(FOLDER) {
         return Vec::new();
     }
     match tokens(source) {
@@ -18,7 +22,10 @@ fn violations(source: &Source) -> Vec<Violation> {
             .map(|token| {
                 source.violation(
                     token.line,
-                    format!("the judge names {}: take it from the plant or the wire", token.text),
+                    format!(
+                        "the judge names {}: take it from the plant or the wire, or let {TRANSLATOR} translate it",
+                        token.text
+                    ),
                 )
             })
             .collect(),
@@ -28,12 +35,17 @@ fn violations(source: &Source) -> Vec<Violation> {
 
 #[test]
 fn judge_knows_nothing_of_what_it_judges() {
-    assert!(super::root().join(JUDGE).is_file(), "{JUDGE} is gone: correct this fence");
+    for path in [JUDGE, FOLDER, TRANSLATOR] {
+        assert!(super::root().join(path).exists(), "{path} is gone: correct this fence");
+    }
     check_workspace(violations);
-    check_fence(
-        violations,
-        JUDGE,
-        &["use servo_core::mode::Mode;", "fn f() { tater_fw::g() }"],
-        &["// god\nuse tater_wire::Property;"],
-    );
+    let a_file = format!("{FOLDER}contact.rs");
+    for path in [JUDGE, &a_file] {
+        check_fence(
+            violations,
+            path,
+            &["use servo_core::mode::Mode;", "fn f() { tater_fw::g() }", "use god::io::ABORT;"],
+            &["// god\nuse tater_wire::Property;"],
+        );
+    }
 }
