@@ -113,6 +113,9 @@ pub struct Plant {
     shaft_torque: f64,
     stored_at_start: f64,
     state: State,
+    /// The brake's friction torque under which the motor stands, its bridge off and its winding without current, N·m. As long as nothing of that
+    /// changes, a step changes its time and its heat alone.
+    rests_under: Option<f64>,
 }
 
 impl Plant {
@@ -152,6 +155,7 @@ impl Plant {
             model,
             max_step_us: params.longest_step_us(),
             shaft_torque: 0.0,
+            rests_under: None,
             stored_at_start,
             state: State {
                 t_us: 0,
@@ -192,6 +196,7 @@ impl Plant {
 
     /// Undoes every step since `state` was read; bridge, supply and disturbance stay.
     pub fn restore(&mut self, state: State) {
+        self.rests_under = None;
         self.state = state;
     }
 
@@ -225,6 +230,7 @@ impl Plant {
     /// Torque of a load on the joint, referred to the motor through a gear without losses; through a worm it
     /// cannot drive the motor.
     pub fn set_disturbance(&mut self, n_m: f64) {
+        self.rests_under = None;
         let (work_j, lost_j) = self.joint.set_disturbance(self.state.shaft.theta, n_m);
         self.state.ledger.disturbance_j += work_j;
         self.state.ledger.damper_j += lost_j;
@@ -232,6 +238,7 @@ impl Plant {
 
     /// Torque on the motor's shaft from outside, N·m: a user who turns the motor by hand.
     pub fn set_shaft_torque(&mut self, n_m: f64) {
+        self.rests_under = None;
         self.shaft_torque = n_m;
     }
 
@@ -249,6 +256,7 @@ impl Plant {
 
     /// Replaces the objects in the joint's way. The change of spring energy is booked on the disturbance.
     pub fn set_objects(&mut self, objects: &[Contact]) {
+        self.rests_under = None;
         let theta = self.state.shaft.theta;
         let before = self.joint.spring_j(theta);
         self.joint.set_objects(objects);
@@ -280,6 +288,13 @@ impl Plant {
         if us == 0 {
             return;
         }
+        if self.rests_under == Some(brake) && bridge == Bridge::Off {
+            s.t_us = to_us;
+            if s.t_us - s.heat_at_us >= HEAT_US {
+                self.heat_up();
+            }
+            return;
+        }
         let dt = us as f64 * 1e-6;
         self.inverter.set_bridge(bridge);
         // Predict the middle of the step with the acceleration of the last one.
@@ -294,10 +309,13 @@ impl Plant {
         self.inverter.advance(&mut s.current, e, phase, dt, &mut flow);
         let impulse = k * (shape[0] * flow.charge[0] + shape[1] * flow.charge[1] + shape[2] * flow.charge[2]);
         s.torque = impulse / dt;
-        let before = s.shaft.theta;
+        let before = s.shaft;
         let torque = s.torque + self.shaft_torque;
         let work = self.joint.advance(&mut s.shaft, torque, brake, dt);
-        let by_hand_j = self.shaft_torque * (s.shaft.theta - before);
+        let by_hand_j = self.shaft_torque * (s.shaft.theta - before.theta);
+        let stands = [before.omega, before.acceleration, s.shaft.omega, s.shaft.acceleration] == [0.0; 4];
+        self.rests_under =
+            (stands && bridge == Bridge::Off && s.current == [0.0; 3] && s.torque == 0.0).then_some(brake);
         s.bus_charge += flow.bus_charge;
         s.peak_a = s.peak_a.max(flow.peak_a);
         s.ledger.supply_j += flow.bus_charge * self.params.bus_v;
