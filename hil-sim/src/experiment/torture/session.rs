@@ -120,6 +120,7 @@ pub struct Session<'a, S> {
     line: Vec<u8>,
     stop_ms: u64,
     seen: Vec<invariant::Seen>,
+    answers: observe::Answers,
     /// Bytes and frames that GOD has lost.
     lost: (u32, u32),
     /// Time since the host has read, ms.
@@ -149,6 +150,7 @@ impl<'a, S: Subject> Session<'a, S> {
             line: Vec::new(),
             stop_ms: case.stop_ms,
             seen: Vec::new(),
+            answers: observe::Answers::default(),
             lost: (0, 0),
             unread_ms: 0,
             silent_ms: 0,
@@ -295,7 +297,8 @@ impl<'a, S: Subject> Session<'a, S> {
             let Some(board) = self.hand.bus().stations().nth(motor) else { continue };
             let native = board.native();
             let application = native.and_then(Node::application);
-            let answer = application.map(|tater| move |property| tater.property(property));
+            let (at, answers) = ((ms << 3) + motor as u64, &self.answers);
+            let answer = application.map(|tater| move |property| answers.get(at, tater, property));
             let truth = board.rig().truth();
             let view = View {
                 ms,

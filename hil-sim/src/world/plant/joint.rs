@@ -231,6 +231,9 @@ impl Joint {
             let opening = if half > 0.0 { at(rotor + half) } else { closing };
             if opening.torque > 0.0 {
                 opening
+            } else if closing.torque == 0.0 && opening.torque == 0.0 {
+                // Nothing touches the joint between its flanks either: contacts only push the harder the deeper they are met.
+                return Behind { theta: rotor, torque: 0.0, stiffness: 0.0, is_free: true };
             } else {
                 // Neither flank touches it: its contacts have pushed it back to where they balance the load.
                 let theta = self.balance(rotor, rotor - half, rotor + half, (0.0, 0.0));
