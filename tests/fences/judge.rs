@@ -8,6 +8,9 @@ const JUDGE: &str = "hil-sim/src/experiment/torture/invariant.rs";
 const FOLDER: &str = "hil-sim/src/experiment/torture/invariant/";
 const JUDGED: [&str; 3] = ["servo_core", "tater_fw", "god"];
 
+/// The only file of the judge that names kinds of fault: it has a reason for each.
+const EXCUSES: &str = "hil-sim/src/experiment/torture/invariant/excuse.rs";
+
 /// The one file that translates for the judge.
 const TRANSLATOR: &str = "hil-sim/src/experiment/torture/observe.rs";
 
@@ -15,27 +18,27 @@ fn violations(source: &Source) -> Vec<Violation> {
     if source.path != JUDGE && !source.path.starts_with(FOLDER) {
         return Vec::new();
     }
-    match tokens(source) {
-        Ok(tokens) => tokens
-            .iter()
-            .filter(|token| JUDGED.contains(&token.text.as_str()))
-            .map(|token| {
-                source.violation(
-                    token.line,
-                    format!(
-                        "the judge names {}: take it from the plant or the wire, or let {TRANSLATOR} translate it",
-                        token.text
-                    ),
-                )
-            })
-            .collect(),
-        Err(violation) => vec![violation],
-    }
+    let tokens = match tokens(source) {
+        Ok(tokens) => tokens,
+        Err(violation) => return vec![violation],
+    };
+    let problem = |name: &str| {
+        if JUDGED.contains(&name) {
+            Some(format!(
+                "the judge names {name}: take it from the plant or the wire, or let {TRANSLATOR} translate it"
+            ))
+        } else if name == "FaultKind" && source.path != EXCUSES {
+            Some(format!("a check names kinds of fault: an excuse is a row of {EXCUSES}, with its reason"))
+        } else {
+            None
+        }
+    };
+    tokens.iter().filter_map(|token| Some(source.violation(token.line, problem(&token.text)?))).collect()
 }
 
 #[test]
 fn judge_knows_nothing_of_what_it_judges() {
-    for path in [JUDGE, FOLDER, TRANSLATOR] {
+    for path in [JUDGE, FOLDER, EXCUSES, TRANSLATOR] {
         assert!(super::root().join(path).exists(), "{path} is gone: correct this fence");
     }
     check_workspace(violations);
@@ -44,8 +47,19 @@ fn judge_knows_nothing_of_what_it_judges() {
         check_fence(
             violations,
             path,
-            &["use servo_core::mode::Mode;", "fn f() { tater_fw::g() }", "use god::io::ABORT;"],
+            &[
+                "use servo_core::mode::Mode;",
+                "fn f() { tater_fw::g() }",
+                "use god::io::ABORT;",
+                "use crate::experiment::torture::kinds::{FaultKind, Kinds};",
+            ],
             &["// god\nuse tater_wire::Property;"],
         );
     }
+    check_fence(
+        violations,
+        EXCUSES,
+        &["use servo_core::mode::Mode;"],
+        &["use crate::experiment::torture::kinds::{FaultKind as F, Kinds};"],
+    );
 }

@@ -2,11 +2,12 @@
 //! it, and its check. The checks run at each millisecond, which is each control tick of a board.
 //!
 //! A check sees the true state of the plant and, of native boards, what a host could read on the wire. It names nothing of the firmware
-//! (tests/fences/judge.rs); `torture/observe.rs` translates. Some faults excuse a check, because no board could hold it then; `excused_by`
-//! names them, and the comment of the check says why.
+//! (tests/fences/judge.rs); `torture/observe.rs` translates. Some faults excuse a check, because no board could hold it then: `excuse.rs` has
+//! a row for each, with its reason.
 
 mod contact;
 mod ending;
+pub mod excuse;
 mod joint;
 mod keeping;
 mod meaning;
@@ -14,10 +15,9 @@ pub mod measure;
 mod power;
 mod truth;
 
-use super::kinds::{FaultKind, Kinds};
 pub use contact::MAY_PRESS;
+use excuse::Excuse;
 pub use joint::{AFTERMATH_MS, Ground, Joint, Seen, SetPoint, View};
-use joint::{LOADS, LYING_HALLS, LYING_SENSORS};
 
 /// An invariant.
 #[derive(Clone, Copy)]
@@ -28,8 +28,8 @@ pub struct Invariant {
     pub demands: &'static str,
     /// Where that is demanded.
     pub source: &'static str,
-    /// Faults, now or within the last [`AFTERMATH_MS`], with which it need not hold.
-    pub excused_by: Kinds,
+    /// Faults with which it need not hold, or holds in part.
+    pub excused_by: &'static [Excuse],
     check: Check,
 }
 
@@ -47,14 +47,14 @@ const fn row(
     name: &'static str,
     demands: &'static str,
     source: &'static str,
-    excused_by: Kinds,
+    excused_by: &'static [Excuse],
     check: Check,
 ) -> Invariant {
     Invariant { name, demands, source, excused_by, check }
 }
 
 const fn hand(name: &'static str, demands: &'static str, source: &'static str) -> Invariant {
-    Invariant { name, demands, source, excused_by: Kinds::NONE, check: Check::Hand }
+    Invariant { name, demands, source, excused_by: excuse::NONE, check: Check::Hand }
 }
 
 /// A prompt within its time.
@@ -84,235 +84,225 @@ pub const INVARIANTS: &[Invariant] = &[
         "no-shoot-through",
         "one leg floats, and of the others at most one is switched",
         "docs/board.md, Bridge",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Motor(power::legs),
     ),
     row(
         "idle-undriven",
         "no drive in mode 0",
         "docs/properties.md, modes",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(power::idle),
     ),
     row(
         "monitor-undriven",
         "no drive without an application",
         "docs/download.md",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(power::monitor),
     ),
     row(
         "fault-undriven",
         "no drive with a latched fault",
         "manual 7; docs/properties.md, faults",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(power::fault),
     ),
     row(
         "brake-undriven",
         "no drive against a brake that is commanded to engage",
         "docs/board.md, brake",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Motor(power::brake),
     ),
     row(
         "torque-within-mt",
         "the torque is at most MT, derated near OTEMP",
         "docs/properties.md, MT and OTEMP; decision 0014",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(power::torque),
     ),
-    row("duty-limit", "duty is at most 97 %", "decision 0005", Kinds::NONE, Check::Program(power::duty)),
+    row("duty-limit", "duty is at most 97 %", "decision 0005", excuse::NONE, Check::Program(power::duty)),
     row(
         "winding-temperature",
         "the winding stays below 135 C, without the hot mark below 110 C; with a lying sensor below 155 C",
         "decisions 0014 and 0051",
-        Kinds::NONE,
+        excuse::WINDING,
         Check::Motor(power::winding),
     ),
     row(
         "phase-current",
         "the phase current stays below that of full torque at standstill and an impact; with lying sensors below the trip",
         "docs/board.md, bridge",
-        Kinds::NONE,
+        excuse::CURRENT,
         Check::Motor(power::current),
     ),
-    // A board that does not see the bus voltage cannot keep it from rising; nor can it with a source that is above it.
     row(
         "bus-voltage",
         "motors do not raise the bus above 32 V",
         "decision 0053",
-        LYING_SENSORS.union(Kinds::of(&[FaultKind::OverVoltage])),
+        excuse::BUS,
         Check::Motor(power::bus),
     ),
     row(
         "load-keeps-the-bus",
         "motors do not pull a source of 500 W below 16 V: their torque folds back before",
         "docs/properties.md, ERROR 5; decision 0053",
-        LYING_SENSORS.union(Kinds::of(&[
-            FaultKind::SupplySag,
-            FaultKind::PowerCut,
-            FaultKind::HandPowerCut,
-            FaultKind::FlashCut,
-        ])),
+        excuse::LOAD,
         Check::Program(power::load),
     ),
     row(
         "no-erase-while-driven",
         "no page is erased while the bridge is on",
         "decision 0012",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(power::erase),
     ),
     row(
         "no-watchdog-reset",
         "no watchdog bites a program that was not hung",
         "decision 0052",
-        Kinds::NONE,
+        excuse::WATCHDOG,
         Check::Program(power::watchdog),
     ),
-    // Pushed by another finger or by hand, a rotor may be faster than its voltage drives it; the check knows that itself.
     row(
         "speed-limit",
         "no motor is faster than its voltage can drive it, no set-point faster than MV",
         "manual 5.3.1 (MCV, MOV); docs/properties.md, MV",
-        Kinds::NONE,
+        excuse::SPEED,
         Check::Motor(power::speed),
     ),
     row(
         "within-stops",
         "a stop is dented no deeper than peak torque and speed can",
         "manual table 1",
-        LOADS,
+        excuse::LOADED,
         Check::Motor(power::stops),
     ),
     row(
         "stall-ends-force",
         "a motor that a stop, an object or a finger holds is driven no longer than TSTOP and 40 ms at a time",
         "manual 5.3.4 (TSTOP); decisions 0049 and 0077",
-        LYING_HALLS,
+        excuse::STALL,
         Check::Program(contact::time),
     ),
-    // Sensors that lie about the halls, the bus or the current leave the EMF unjudged, and so does a board that hangs with its bridge on.
     row(
         "torque-at-contact",
         "what holds a motor feels more than MT for a few milliseconds only, by the plant's torque",
         "docs/safety.md; decision 0076",
-        LYING_HALLS.union(LYING_SENSORS).union(Kinds::of(&[FaultKind::BoardHang])),
+        excuse::TORQUE,
         Check::Program(contact::torque),
     ),
     row(
         "strain-ends",
         "a move, TC and TO end at once outside LSG and HSG",
         "manual 5.3.1 (HSG, LSG); docs/properties.md, END",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(meaning::strain),
     ),
     row(
         "breaks-away",
         "a link that stands under more than BT in the middle of a move breaks away within 60 ms and six counts of MV",
         "manual 5.1.2 (BT); docs/safety.md",
-        LYING_HALLS.union(LYING_SENSORS),
+        excuse::UNSEEN,
         Check::Program(meaning::breakaway),
     ),
     row(
         "end-is-true",
         "a stall means TSTOP without a count, a breakaway a load of BT",
         "docs/properties.md, END",
-        LYING_HALLS.union(LYING_SENSORS),
+        excuse::UNSEEN,
         Check::Program(meaning::end),
     ),
     row(
         "values-are-true",
         "THERM, VBUS and B are those of the plant, within 3 C and 1 V",
         "docs/properties.md",
-        LYING_SENSORS.union(Kinds::of(&[FaultKind::ThermistorOpen, FaultKind::BoardHang])),
+        excuse::VALUES,
         Check::Program(meaning::values),
     ),
     row(
         "host-watched",
         "no motor is driven in mode 2 or 4 that has heard no frame for longer than HOSTMS",
         "docs/properties.md, HOSTMS; decision 0013",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(ending::host),
     ),
     row(
         "v-ends-with-its-motion",
         "V is 0 when a motion has ended",
         "docs/properties.md, VSET",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(ending::velocity),
     ),
     row(
         "ends-once",
         "a motion ends once, for one reason",
         "docs/properties.md, END; decision 0007",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(ending::once),
     ),
     row(
         "ends-in-time",
         "a motion ends within the time of its profile and its stalls",
         "decision 0049",
-        LYING_HALLS,
+        excuse::IN_TIME,
         Check::Program(ending::in_time),
     ),
-    // Halls that lie misplace the rotor until they are found out.
     row(
         "arrived-is-true",
         "\"arrived\" means at rest within MPE",
         "manual 5.3.4 (MPE); decision 0049",
-        LYING_HALLS,
+        excuse::ARRIVED,
         Check::Program(ending::arrived),
     ),
     row(
         "hold-as-ordered",
         "after a motion HOLD 1 holds, HOLD 0 idles; a move that MODE 5 ordered holds with either",
         "manual 5.5",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(ending::hold),
     ),
     row(
         "counters-grow",
         "UPSECS, OD and PTEMP never decrease, nor does STAT 0 lose any",
         "manual 5.4.2; decision 0018",
-        Kinds::NONE,
+        excuse::COUNTERS,
         Check::Program(keeping::counters),
     ),
     row(
         "saves-survive",
         "an acknowledged SAVE survives, or ERROR 8 reports its loss",
         "manual 7 (saveParameters); decision 0018",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(keeping::saves),
     ),
     row(
         "refusal-changes-nothing",
         "a refused SET changes nothing, and SET P is refused with a latched ERROR",
         "decisions 0036 and 0037",
-        Kinds::NONE,
+        excuse::REFUSALS,
         Check::Program(keeping::refusals),
     ),
     row(
         "position-is-true",
         "a position that is known is within a count of the rotor, and the zero of HI is IOFF from a stop",
         "manual 7; decision 0010",
-        Kinds::NONE,
+        excuse::POSITION,
         Check::Program(truth::position),
     ),
     row(
         "trust-is-true",
         "a position that a start trusts is that of the last run",
         "decision 0010",
-        Kinds::NONE,
+        excuse::NONE,
         Check::Program(truth::trust),
     ),
-    // Loads move a motor the wrong way as well.
     row(
         "wrong-way",
         "no motor runs more than a third of a turn against its own torque",
         "decision 0047",
-        LOADS,
+        excuse::LOADED,
         Check::Program(truth::wrong_way),
     ),
     hand(
@@ -371,7 +361,7 @@ impl Joint {
                 Check::Motor(check) => check,
                 Check::Program(_) | Check::Hand => continue,
             };
-            self.worst.is_excused = view.faults.meets(invariant.excused_by);
+            self.worst.is_excused = invariant.excused_by.iter().any(|excuse| excuse.excuses(view));
             let found = check(self, view);
             if let Some(found) = found
                 && !self.worst.is_excused

@@ -38,6 +38,11 @@ impl Kinds {
         self.0 & other.0 != 0
     }
 
+    /// The rows of these kinds.
+    pub fn rows(self) -> impl Iterator<Item = &'static Row> {
+        ROWS.iter().filter(move |row| self.meets(Self::of(&[row.kind])))
+    }
+
     /// Whether there is none.
     #[must_use]
     pub const fn is_empty(self) -> bool {

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::case::{Case, Selection};
+use super::invariant::excuse::{Excuse, Reach};
 use super::invariant::{self, INVARIANTS, MAY_PRESS};
 use super::kinds::{Place, ROWS, Row};
 use super::session::Outcome;
@@ -97,7 +98,7 @@ pub fn text(case: &Case, selection: &Selection, outcome: &Outcome, events: &[Eve
     text
 }
 
-/// The tables of docs/torture.md: invariants, who may press longer than TSTOP, and kinds of fault.
+/// The tables of docs/torture.md: invariants, their excuses, who may press longer than TSTOP, and kinds of fault.
 #[must_use]
 pub fn tables() -> String {
     let mut text = String::from("| Invariant | Demands | Source |\n| --- | --- | --- |\n");
@@ -107,6 +108,15 @@ pub fn tables() -> String {
     let outside = INVARIANTS.iter().filter(|invariant| invariant.is_seen_from_outside());
     let names: Vec<&str> = outside.map(|invariant| invariant.name).collect();
     let _ = writeln!(text, "\nChecked on flashed images as well: {}.", names.join(", "));
+    text.push_str("\n| Excused | With | Why, or what holds then |\n| --- | --- | --- |\n");
+    for invariant in INVARIANTS {
+        for Excuse { faults, reach, why } in invariant.excused_by {
+            let part = if *reach == Reach::Part { ", in part" } else { "" };
+            let place = if *reach == Reach::Anywhere { " at any motor" } else { "" };
+            let kinds: Vec<&str> = faults.rows().map(|row| row.name).collect();
+            let _ = writeln!(text, "| {}{part} | {}{place} | {why} |", invariant.name, kinds.join(", "));
+        }
+    }
     text.push_str("\n| May press longer than TSTOP | Why |\n| --- | --- |\n");
     for right in &MAY_PRESS {
         let _ = writeln!(text, "| {} | {} |", right.who, right.why);

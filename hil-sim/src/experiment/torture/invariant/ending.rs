@@ -2,8 +2,8 @@
 
 use tater_wire::{EndCode, ModeCode, Property};
 
+use super::excuse::HINDERED;
 use super::joint::{Ending, Joint, Orderer, Seen, View};
-use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// Fastest rotor that may be called arrived, counts/s: the fastest of 32,400 moves had 77.7 (tests/arrival.rs).
 const ARRIVED_SPEED: f64 = 100.0;
@@ -123,17 +123,7 @@ pub fn in_time(joint: &mut Joint, view: &View) -> Option<String> {
         (ending.begun_ms, ending.hindered) = (None, false);
         return None;
     }
-    let hinders = Kinds::of(&[
-        FaultKind::Push,
-        FaultKind::Jam,
-        FaultKind::BrakeStuckOn,
-        FaultKind::SupplySag,
-        FaultKind::AdcRail,
-        FaultKind::AdcNoise,
-        FaultKind::AdcDrift,
-    ]);
-    // Hindered, it may make one count each TSTOP: only the unhindered ones have a useful bound.
-    ending.hindered |= view.faults.meets(hinders) || view.truth.load_n_m != 0.0;
+    ending.hindered |= HINDERED.is_recent(view) || view.truth.load_n_m != 0.0;
     if ending.begun_ms.is_none() || view.orders().next().is_some() {
         ending.begun_ms = Some(view.ms);
         ending.within_ms = longest_ms(view).unwrap_or(f64::INFINITY);

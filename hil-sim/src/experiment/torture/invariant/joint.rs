@@ -7,7 +7,7 @@ use tater_wire::{Cmd, EndCode, ModeCode, MotorKind, Property};
 use super::meaning::Meaning;
 use super::measure::Worst;
 use crate::experiment::torture::case::{World, kind};
-use crate::experiment::torture::kinds::{FaultKind, Kinds};
+use crate::experiment::torture::kinds::Kinds;
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 use crate::world::rig::{Bridge, Truth};
 
@@ -24,17 +24,6 @@ const SOURCE_W: f64 = 500.0;
 
 /// Values of properties.
 pub type Values = BTreeMap<Property, i64>;
-
-/// Sensors that lie about what the guards need.
-pub const LYING_SENSORS: Kinds = Kinds::of(&[FaultKind::AdcRail, FaultKind::AdcNoise, FaultKind::AdcDrift]);
-
-/// Hall lines that lie.
-pub const LYING_HALLS: Kinds =
-    Kinds::of(&[FaultKind::HallStuck, FaultKind::HallOpen, FaultKind::HallGlitch, FaultKind::HallSwap]);
-
-/// Loads from outside that stop or move a motor.
-pub const LOADS: Kinds =
-    Kinds::of(&[FaultKind::Push, FaultKind::Jam, FaultKind::BrakeStuckOn, FaultKind::BrakeStuckOff]);
 
 /// What a board has done, in the terms of the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -303,7 +292,7 @@ pub struct Keeping {
     pub missing: Option<(u64, Values)>,
     /// Every settable value, as of the last order or start.
     pub present: Option<Values>,
-    /// The flash was damaged since the last start: the next one may find older counters.
+    /// The flash was damaged since the last start.
     pub damaged: bool,
     /// STAT 0 has ended a program since the last start; and a fault has.
     pub slept: bool,

@@ -3,8 +3,8 @@
 use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{Cmd, FaultCode, ModeCode, Property};
 
+use super::excuse::{CUT, DAMAGED};
 use super::joint::{Ground, Joint, Keeping, Seen, Values, View};
-use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// Time without a flash operation after which everything queued is stored, ms: housekeeping queues ten times a second.
 const QUIET_MS: u64 = 150;
@@ -14,19 +14,6 @@ const REPORT_MS: u64 = 100;
 
 /// Time from a start until its counters are stored, ms: the first PTEMP is far beyond what a board warms within the 0.2 s of decision 0018.
 const COUNTED_MS: u64 = 500;
-
-/// Faults that take what the flash holds.
-const DAMAGE: Kinds = Kinds::of(&[FaultKind::BitFlip, FaultKind::WornPage, FaultKind::MarginalErase]);
-
-/// Faults that end a program without its doing.
-const CUTS: Kinds = Kinds::of(&[
-    FaultKind::PowerCut,
-    FaultKind::HandPowerCut,
-    FaultKind::FlashCut,
-    FaultKind::BoardReset,
-    FaultKind::BoardHang,
-    FaultKind::HallSwap,
-]);
 
 const COUNTERS: [Property; 3] = [Property::UPSECS, Property::OD, Property::PTEMP];
 
@@ -44,8 +31,8 @@ fn sets(seen: &Seen, properties: &[Property]) -> bool {
 
 pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
     let keeping = &mut joint.keeping;
-    keeping.damaged |= view.active.meets(DAMAGE);
-    keeping.cut |= view.active.meets(CUTS);
+    keeping.damaged |= DAMAGED.is_active(view);
+    keeping.cut |= CUT.is_active(view);
     keeping.slept |= view.orders().any(|order| order == (Property::STAT, 0));
     if !view.runs() {
         return None;
@@ -219,7 +206,7 @@ pub fn refusals(joint: &mut Joint, view: &View) -> Option<String> {
         keeping.present = settings(view);
         return None;
     }
-    if !refused || view.active.meets(Kinds::of(&[FaultKind::FlashCut])) {
+    if !refused {
         return None;
     }
     let (now, before) = (settings(view)?, keeping.present.as_ref()?);

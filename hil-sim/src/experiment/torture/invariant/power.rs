@@ -2,9 +2,9 @@
 
 use tater_wire::{FaultCode, ModeCode, Property};
 
-use super::joint::{Joint, LYING_HALLS, LYING_SENSORS, MEMORY, View};
+use super::excuse::{LYING_WINDING, PUSHED, UNKNOWN_EMF};
+use super::joint::{Joint, MEMORY, View};
 use super::measure::Measure;
-use crate::experiment::torture::kinds::{FaultKind, Kinds};
 use crate::world::plant::RAD_PER_COUNT;
 use crate::world::rig::{Bridge, Leg};
 
@@ -23,7 +23,7 @@ const WINDING_C: f64 = 135.0;
 /// The same while the flash has no hot mark: a start without it assumes 100 C (decision 0051), and 10 K for plants that are not nominal.
 const WINDING_UNMARKED_C: f64 = 110.0;
 
-/// The same where a sensor lies: insulation class F. The thermistor is the model's only anchor.
+/// The same where a sensor lies: insulation class F.
 const WINDING_LYING_C: f64 = 155.0;
 
 /// Full torque, and the band of temperature below OTEMP in which it decreases, 0.1 C.
@@ -63,11 +63,8 @@ fn fault_of(view: &View) -> Option<FaultCode> {
 pub fn load(joint: &mut Joint, view: &View) -> Option<String> {
     let low = fault_of(view) == Some(FaultCode::UnderVoltage);
     let was = std::mem::replace(&mut joint.power.was_low, low);
-    // A board that hangs does not fold back.
-    if !joint.has_strong_source || view.anywhere.meets(Kinds::of(&[FaultKind::BoardHang])) {
-        return None;
-    }
-    (low && !was).then(|| format!("ERROR 5 although the source is whole; the bus is at {:.1} V", view.volts))
+    (low && !was && joint.has_strong_source)
+        .then(|| format!("ERROR 5 although the source is whole; the bus is at {:.1} V", view.volts))
 }
 
 pub fn idle(joint: &mut Joint, view: &View) -> Option<String> {
@@ -124,7 +121,7 @@ pub fn duty(_: &mut Joint, view: &View) -> Option<String> {
 }
 
 pub fn winding(joint: &mut Joint, view: &View) -> Option<String> {
-    let lies = view.faults.meets(LYING_SENSORS.union(Kinds::of(&[FaultKind::ThermistorOpen])));
+    let lies = LYING_WINDING.is_recent(view);
     let unmarked = view.ground.is_some_and(|ground| !ground.is_marked_hot);
     let most = match (lies, unmarked) {
         (true, _) => WINDING_LYING_C,
@@ -138,16 +135,14 @@ pub fn winding(joint: &mut Joint, view: &View) -> Option<String> {
 
 pub fn current(joint: &mut Joint, view: &View) -> Option<String> {
     let found = view.truth.peak_phase_a;
-    let lies = view.faults.meets(LYING_SENSORS.union(LYING_HALLS).union(Kinds::of(&[FaultKind::BoardHang])));
+    let lies = UNKNOWN_EMF.is_recent(view);
     let most = if lies { joint.plant.trip_a + TRIP_A } else { FULL_V / joint.plant.r_ohm + IMPACT_A };
     (found > most).then(|| format!("{found:.1} A, allowed are {most:.1}"))
 }
 
 pub fn bus(_: &mut Joint, view: &View) -> Option<String> {
     let volts = view.volts;
-    // A motor of the hand that is pushed beyond its no-load speed charges the bus through the diodes of a bridge that is off.
-    let generates = view.anywhere.meets(Kinds::of(&[FaultKind::Push]));
-    (volts > BUS_V && !generates).then(|| format!("bus at {volts:.1} V"))
+    (volts > BUS_V).then(|| format!("bus at {volts:.1} V"))
 }
 
 pub fn erase(joint: &mut Joint, view: &View) -> Option<String> {
@@ -159,8 +154,7 @@ pub fn erase(joint: &mut Joint, view: &View) -> Option<String> {
 pub fn watchdog(joint: &mut Joint, view: &View) -> Option<String> {
     let resets = view.ground?.watchdog_resets;
     let before = std::mem::replace(&mut joint.power.watchdog_resets, resets);
-    let expected = view.faults.meets(Kinds::of(&[FaultKind::BoardHang]));
-    (resets > before && !expected).then(|| "the watchdog has bitten".to_owned())
+    (resets > before).then(|| "the watchdog has bitten".to_owned())
 }
 
 /// EMF that friction alone takes from a free rotor in a millisecond, V: 0.03 N·m on 2e-5 kg·m² and 0.0651 V·s are 0.1; the lowest of the
@@ -173,7 +167,7 @@ pub fn speed(joint: &mut Joint, view: &View) -> Option<String> {
     joint.driving_v = view.volts.max(joint.plant.bus_v).max(joint.driving_v - COASTING_V_MS);
     let no_load = joint.no_load(joint.driving_v);
     joint.pushed = view.truth.load_n_m * view.truth.counts_per_s > 0.0
-        || view.faults.meets(Kinds::of(&[FaultKind::Push]))
+        || PUSHED.is_recent(view)
         || joint.pushed && speed > no_load;
     if speed > no_load && !joint.pushed {
         return Some(format!("{speed:.0} counts/s, its voltage drives {no_load:.0}"));

@@ -2,8 +2,8 @@
 
 use tater_wire::{Cmd, ModeCode, Property};
 
-use super::joint::{Joint, LYING_HALLS, Seen, Trust, View};
-use crate::experiment::torture::kinds::{FaultKind, Kinds};
+use super::excuse::{HOMED_ELSEWHERE, UNSEEN_COUNT};
+use super::joint::{Joint, Seen, Trust, View};
 use crate::world::plant::PlantParams;
 
 /// Below this a rotor stands, counts/s: the count of a tick is that of its end.
@@ -71,7 +71,7 @@ impl Trust {
         let renamed = view.seen.iter().rposition(renames);
         if renamed.is_some() && !self.restored {
             self.offset = Self::found(view);
-            self.blind = view.active.meets(LYING_HALLS);
+            self.blind = UNSEEN_COUNT.is_active(view);
         }
         if let Some(saved) = view.seen.iter().rposition(saves_position) {
             self.at_save = if renamed > Some(saved) { before } else { self.offset };
@@ -95,7 +95,7 @@ pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
     let trust = &mut joint.truth;
     trust.follow(view);
     // A jam is found out: HI leaves the place where it has stopped, and returns to it.
-    trust.hindered |= view.faults.meets(LYING_HALLS.union(Kinds::of(&[FaultKind::Push])));
+    trust.hindered |= HOMED_ELSEWHERE.is_recent(view);
     if !trust.hindered
         && let Some(found) = misplaced(&joint.plant, view)
     {
@@ -107,12 +107,11 @@ pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
     }
     let found = Trust::found(view)?;
     if trust.offset.is_none() {
-        trust.blind = view.active.meets(LYING_HALLS);
+        trust.blind = UNSEEN_COUNT.is_active(view);
     }
     let offset = *trust.offset.get_or_insert(found);
     trust.off_ms = if (found - offset).abs() > MOST + i64::from(trust.blind) { trust.off_ms + 1 } else { 0 };
-    // Lines that lie while the rotor stands cannot be told from a rotor that moves by a count; they are found out with the next one.
-    let lasts = if view.faults.meets(LYING_HALLS) { 20 * LASTS } else { LASTS };
+    let lasts = if UNSEEN_COUNT.is_recent(view) { 20 * LASTS } else { LASTS };
     (trust.off_ms > lasts).then(|| {
         let at = view.truth.counts;
         format!("the position is known, but {} counts from the rotor at {at:.2}", found - offset)
