@@ -17,7 +17,7 @@ mod truth;
 
 pub use contact::MAY_PRESS;
 use excuse::Excuse;
-pub use joint::{AFTERMATH_MS, Ground, Joint, Seen, SetPoint, View};
+pub use joint::{AFTERMATH_MS, Ground, Joint, Seen, View};
 
 /// An invariant.
 #[derive(Clone, Copy)]
@@ -167,7 +167,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "speed-limit",
-        "no motor is faster than its voltage can drive it, no set-point faster than MV",
+        "no motor is faster than its voltage can drive it, no move faster than MV by 50 counts/s for 100 ms",
         "manual 5.3.1 (MCV, MOV); docs/properties.md, MV",
         excuse::SPEED,
         Check::Motor(power::speed),
@@ -181,7 +181,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "stall-ends-force",
-        "a motor that a stop, an object or a finger holds is driven no longer than TSTOP and 40 ms at a time",
+        "a motor that a stop, an object or a finger holds is driven no longer than TSTOP and 40 ms at a time; within two counts of E, and in a move of HI, 2 s more",
         "manual 5.3.4 (TSTOP); decisions 0049 and 0077",
         excuse::STALL,
         Check::Program(contact::time),

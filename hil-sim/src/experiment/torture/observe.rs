@@ -9,8 +9,7 @@ use tater_fw::codes::{end_code, mode_code};
 use tater_fw::events::BoardEvent;
 use tater_wire::Property;
 
-use super::invariant::{Ground, Seen, SetPoint};
-use crate::world::board::SimBoard;
+use super::invariant::{Ground, Seen};
 use crate::world::node::Node;
 
 /// Numbers of properties.
@@ -53,15 +52,6 @@ pub fn seen(event: BoardEvent) -> Seen {
         BoardEvent::Motor(Event::Breakaway { .. } | Event::Fault(_) | Event::Glitch(_))
         | BoardEvent::Found(_)
         | BoardEvent::Flash(_) => Seen::Other,
-    }
-}
-
-/// The servo's set-point.
-pub fn set_point(tater: &Tater<SimBoard>) -> SetPoint {
-    let status = tater.status();
-    SetPoint {
-        ahead: status.setpoint.0.to_num::<f64>() - status.position.0.to_num::<f64>(),
-        counts_per_s: status.setpoint_velocity.0.to_num(),
     }
 }
 

@@ -308,7 +308,6 @@ impl<'a, S: Subject> Session<'a, S> {
                 bridge: board.bridge(),
                 brake_released: board.is_brake_released(),
                 ground: native.map(observe::ground),
-                set_point: application.map(observe::set_point),
                 answer: answer.as_ref().map(|answer| answer as _),
                 seen: &self.seen,
                 faults: self.faults.recent_at(motor),

@@ -62,15 +62,6 @@ impl Seen {
     }
 }
 
-/// The set-point of modes 3 and 5.
-#[derive(Clone, Copy, Debug)]
-pub struct SetPoint {
-    /// Counts from the board's estimate of its rotor to the set-point.
-    pub ahead: f64,
-    /// Its velocity, counts/s.
-    pub counts_per_s: f64,
-}
-
 /// What the world knows of a board.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground {
@@ -104,8 +95,6 @@ pub struct View<'a> {
     pub brake_released: bool,
     /// What the world knows of a native board; `None` of an emulated one.
     pub ground: Option<Ground>,
-    /// The set-point of a native board: no GET answers it, and no plant has one.
-    pub set_point: Option<SetPoint>,
     /// Answers a GET, in the units of docs/properties.md; `None` without an application, and of an emulated board.
     pub answer: Option<&'a dyn Fn(Property) -> Option<i64>>,
     /// What the board has done since the last tick, oldest first.
@@ -188,8 +177,9 @@ pub struct Power {
     pub next: usize,
     pub watchdog_resets: u32,
     pub erased: u32,
-    /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s.
+    /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s, and for how many ticks the rotor has been beyond it.
     pub allowed: i64,
+    pub fast_ms: u32,
 }
 
 impl Default for Power {
@@ -204,6 +194,7 @@ impl Default for Power {
             watchdog_resets: 0,
             erased: 0,
             allowed: 0,
+            fast_ms: 0,
         }
     }
 }
@@ -248,9 +239,10 @@ pub struct Contact {
     pub above_ms: u32,
     pub above_m_n_m_s: f64,
     pub apart_ms: u32,
-    /// Ticks for which something has held the driven rotor, and TSTOP's largest value meanwhile.
+    /// Ticks for which something has held the driven rotor, and the largest TSTOP meanwhile, and what else a move may have taken.
     pub held_ms: u64,
     pub tstop: u64,
+    pub waits_ms: u64,
     pub cell: i64,
 }
 
