@@ -1,27 +1,35 @@
-//! `cargo xtask defects`: plants one defect at a time in a copy of the project and plays the torture chamber, which must find it by
-//! the invariant that the list names. So each invariant is seen to fail (docs/defects.md).
+//! `cargo xtask defects`: plants defects in a copy of the project and plays the torture chamber, which must find each by an invariant that the list
+//! names. So each invariant is seen to fail (docs/defects.md).
 //!
-//! The same seed is played without the defect as well: what fails there too shows nothing.
+//! One build has all defects, of which a variable of the environment chooses one. Those that this cannot express, as another constant, get a build
+//! of their own. A seed that finds a defect is played without it as well: what fails there too shows nothing.
 
+mod draw;
+mod functions;
 mod list;
+mod page;
+mod switch;
 mod tree;
 mod trial;
+mod units;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
-use std::path::Path;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
-use crate::program::{root, target};
+use crate::program::{in_parallel, root, target};
 use crate::{Failure, files, outcome::say};
-use list::{Defect, Plant};
+use list::{Defect, Origin, Plant};
+use page::{Row, Rows};
+use switch::Switched;
 use tree::Tree;
-use trial::{Found, Trial};
+use trial::{Found, Simulator, Trial};
 
-/// On a quiet core a defect that nothing finds takes a minute.
-const SEEDS: u32 = 300;
+const SEEDS: u64 = 1000;
 
-/// Time for one seed on a busy core, on average: 0.2 s on a quiet one, and four times as long where boards do not answer.
-const SEED: Duration = Duration::from_secs(2);
+/// Seeds that the build with switches and the unchanged one must play alike.
+const ALIKE: [u64; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
 
 /// Arguments of `defects`.
 #[derive(clap::Args)]
@@ -29,78 +37,183 @@ pub struct DefectsArgs {
     /// Defects or invariants; all defects without one
     #[arg(value_name = "NAME")]
     names: Vec<String>,
-    /// Seeds for each defect, from 0 on
-    #[arg(long, value_name = "N", default_value_t = SEEDS)]
-    seeds: u32,
+    /// Most seeds for each defect, from 0 on
+    #[arg(long, value_name = "N", default_value_t = SEEDS, value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: u64,
+    /// Run the unit tests of the firmware instead of torture
+    #[arg(long, conflicts_with = "seeds")]
+    unit_tests: bool,
+    /// Write the results into docs/defects.md, each as soon as it is known
+    #[arg(long)]
+    write: bool,
+    /// Print one JSON object instead of the page's tables
+    #[arg(long)]
+    json: bool,
+    /// Play nothing: print the entries of the list that this seed draws
+    #[arg(long, value_name = "SEED", conflicts_with_all = ["names", "seeds", "unit_tests", "write", "json"])]
+    draw: Option<u64>,
 }
 
-/// Plants the defects and prints a row of a table for each.
+/// Plants the defects and prints the tables of the page.
 ///
 /// # Errors
 /// A defect is not caught by its invariant, one that is listed as missed is, or the build fails.
 pub fn defects(args: &DefectsArgs) -> Result<(), Failure> {
     let all = list::read(&root().join(list::LIST)).map_err(Failure::Unusable)?;
-    let chosen = list::choose(&all, &args.names).map_err(Failure::Unusable)?;
     let folder = target().join("defects");
-    let tree = Tree::copy(&folder)?;
-    let unchanged = folder.join("unchanged");
-    tree.build()?;
-    std::fs::copy(tree.simulator(), &unchanged).map_err(|error| files::unreadable(&unchanged, &error))?;
-    files::print(
-        "| defect | expected | caught by | seeds | simulated s | s | before it |\n|---|---|---|---|---|---|---|\n",
-    )?;
-    let mut failures = Vec::new();
-    for (at, defect) in chosen.iter().enumerate() {
-        progress(&format!("[{}/{}] {}", at + 1, chosen.len(), defect.name));
-        let expected = defect.invariants.join(", ");
-        let edits = match &defect.plant {
-            Plant::Texts(edits) => edits,
-            Plant::Elsewhere(tests) => {
-                files::print(&format!("| {} | {expected} | elsewhere: {tests} | | | | |\n", defect.name))?;
-                continue;
-            }
-        };
-        let found = tree.with(edits, || try_one(defect, args.seeds, &tree, &folder, &unchanged));
-        let judged = found.and_then(|found| {
-            files::print(&format!("| {} | {expected} | {} |\n", defect.name, found.cells()))?;
-            judge(defect, &found, args.seeds)
-        });
-        failures.extend(judged.err().map(|error| format!("{}: {error}", defect.name)));
+    if let Some(seed) = args.draw {
+        return Ok(files::print(&(draw::draw(seed, &all, &folder)? + "\n"))?);
     }
+    let chosen = list::choose(&all, &args.names).map_err(Failure::Unusable)?;
+    let planted: Vec<&Defect> = chosen.iter().copied().filter(|defect| can_be_planted(defect)).collect();
+    let page = std::fs::read_to_string(root().join(page::PAGE)).map_err(|error| error.to_string())?;
+    let board = Board { all: &all, write: args.write, rows: Mutex::new(page::parse(&page)), page };
+    let mut failures = if args.unit_tests {
+        units::test(&all, &planted, &folder, &board)?
+    } else {
+        torture(&all, &planted, &folder, args.seeds, &board)?
+    };
+    let rows = board.rows.into_inner().unwrap_or_else(PoisonError::into_inner);
+    if args.json {
+        files::print(&format!("{}\n", page::json(&chosen, &rows)))?;
+    } else {
+        files::print(&page::made(&chosen, &rows))?;
+    }
+    failures.sort();
     if failures.is_empty() { Ok(()) } else { Err(Failure::Judged(failures.join("\n"))) }
 }
 
-fn try_one(
-    defect: &Defect,
-    seeds: u32,
-    tree: &Tree,
-    folder: &Path,
-    unchanged: &Path,
-) -> Result<Found, String> {
-    tree.build()?;
-    let trial = Trial { simulator: &tree.simulator(), results: &folder.join(&defect.name), seeds };
-    let found = trial.run(&defect.invariants, SEED * seeds.max(30))?;
-    match found.seed() {
-        Some(seed) if !trial::holds(unchanged, seed)? => Err(format!(
-            "seed {seed} fails without the defect as well\n  next: mend that first: {} torture --seed {seed}",
-            unchanged.display()
-        )),
-        _ => Ok(found),
+fn can_be_planted(defect: &Defect) -> bool {
+    matches!(defect.plant, Plant::Texts(_)) && !matches!(defect.origin, Origin::Equivalent(_))
+}
+
+/// The results so far.
+struct Board<'a> {
+    all: &'a [Defect],
+    write: bool,
+    rows: Mutex<Rows>,
+    page: String,
+}
+
+impl Board<'_> {
+    /// Changes the row of a defect, and writes the page if that is wanted.
+    fn record(&self, defect: &Defect, change: impl FnOnce(Row) -> Row) -> Result<(), String> {
+        let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+        let row = rows.remove(&defect.name).unwrap_or_default();
+        rows.insert(defect.name.clone(), change(row));
+        if !self.write {
+            return Ok(());
+        }
+        let all: Vec<&Defect> = self.all.iter().collect();
+        let text = page::with(&self.page, &page::made(&all, &rows))?;
+        files::replace(&root().join(page::PAGE), text.as_bytes())
     }
 }
 
-fn judge(defect: &Defect, found: &Found, seeds: u32) -> Result<(), String> {
-    match (found.seed(), &defect.missed) {
+/// Plans and builds the tree with switches; those that the compiler refuses become `alone`.
+fn switched<T>(
+    all: &[Defect],
+    folder: &Path,
+    build: impl Fn(&Tree) -> Result<T, String>,
+) -> Result<(T, Switched), String> {
+    let all: Vec<&Defect> = all.iter().filter(|defect| can_be_planted(defect)).collect();
+    let mut refused = BTreeSet::new();
+    loop {
+        let plan = Switched::plan(&all, &refused, tree::text)?;
+        match build(&Tree::copy(folder, "tree-switched", &plan.files)?) {
+            Ok(built) => return Ok((built, plan)),
+            Err(error) => {
+                let blamed = plan.blamed(&error);
+                if blamed.is_subset(&refused) {
+                    return Err(error);
+                }
+                refused.extend(blamed);
+            }
+        }
+    }
+}
+
+fn torture(
+    all: &[Defect],
+    chosen: &[&Defect],
+    folder: &Path,
+    seeds: u64,
+    board: &Board,
+) -> Result<Vec<String>, String> {
+    let [unchanged, switching, single] =
+        ["unchanged", "switched", "single"].map(|name| folder.join(format!("hil-sim-{name}")));
+    progress("builds the unchanged simulator");
+    Tree::copy(folder, "tree", &BTreeMap::new())?.simulator(&unchanged)?;
+    progress("builds the simulator with all defects");
+    let ((), plan) = switched(all, folder, |tree| tree.simulator(&switching))?;
+    are_alike(&unchanged, &switching, folder)?;
+    let every = Simulator { path: &unchanged, planted: None }.invariants()?;
+    let (alone, together): (Vec<&Defect>, Vec<&Defect>) =
+        chosen.iter().copied().partition(|defect| plan.alone.contains_key(&defect.name));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let search = |defect: &Defect, path: &PathBuf, planted: Option<&str>, jobs: usize| {
+        let or_endless = defect.missed.is_some() || defect.invariants == [list::ANY];
+        let until = if or_endless { &every } else { &defect.invariants };
+        let results = folder.join(&defect.name);
+        let simulator = Simulator { path, planted };
+        let trial =
+            Trial { simulator, unchanged: &unchanged, results: &results, seeds, jobs, until, or_endless };
+        let found = trial.run().map_err(|error| format!("{}: {error}", defect.name))?;
+        let by = found.caught.as_ref().map(|(_, name)| name.as_str());
+        let notes = Some(found.notes())
+            .filter(|notes| !notes.is_empty())
+            .map(|notes| format!("; before it: {notes}"));
+        let notes = notes.unwrap_or_default();
+        progress(&format!("{}: {} after {} seeds{notes}", defect.name, by.unwrap_or("nothing"), found.seeds));
+        board.record(defect, |row| row.tortured(by, found.seeds, found.simulated_s))?;
+        judge(defect, &found, seeds).map_err(|error| format!("{}: {error}", defect.name))
+    };
+    // One core each: so the seeds before a find are the same on every machine.
+    let jobs = (cores / together.len().max(1)).max(1);
+    let mut failures = in_parallel(&together, |defect| search(defect, &switching, Some(&defect.name), jobs));
+    for defect in alone {
+        let why = plan.alone.get(&defect.name).copied().unwrap_or_default();
+        progress(&format!("{}: {why}, so it gets a build of its own", defect.name));
+        let Plant::Texts(edits) = &defect.plant else { continue };
+        let built = tree::edited(edits)
+            .and_then(|texts| Tree::copy(folder, "tree-single", &texts))
+            .and_then(|tree| tree.simulator(&single))
+            .map_err(|error| format!("{}: {error}", defect.name));
+        failures.extend(built.and_then(|()| search(defect, &single, None, cores)).err());
+    }
+    Ok(failures)
+}
+
+/// Checks that a build with switches does without a defect what the unchanged one does, to the last event.
+fn are_alike(unchanged: &Path, switched: &Path, folder: &Path) -> Result<(), String> {
+    let report = |path: &Path, seed: u64| {
+        let file = folder.join(format!("alike-{seed}.txt"));
+        Simulator { path, planted: None }.report(seed, &file)
+    };
+    let differ = in_parallel(&ALIKE, |&seed| {
+        let (one, other) = (report(unchanged, seed)?, report(switched, seed)?);
+        match crate::table::difference(&other, &one) {
+            None => Ok(()),
+            Some(what) => {
+                Err(format!("seed {seed} differs in the build with switches, without a defect: {what}"))
+            }
+        }
+    });
+    if differ.is_empty() { Ok(()) } else { Err(differ.join("\n")) }
+}
+
+fn judge(defect: &Defect, found: &Found, seeds: u64) -> Result<(), String> {
+    match (&found.caught, &defect.missed) {
         (Some(_), None) | (None, Some(_)) => Ok(()),
-        (Some(seed), Some(_)) => Err(format!(
-            "caught at seed {seed}, but listed as missed\n  next: delete \"missed\" in {}",
+        (Some((seed, name)), Some(_)) => Err(format!(
+            "caught by {name} at seed {seed}, but listed as missed\n  next: delete \"missed\" in {}",
             list::LIST
         )),
         (None, None) => Err(format!(
-            "not caught by {} with {seeds} seeds{}\n  next: more --seeds, a stronger check, or programs and faults that the defect \
+            "not caught by {} with {seeds} seeds ({})\n  next: more --seeds, a stronger check, or programs and faults that the defect \
              needs; a defect that no user could notice is a bad one. State a hole as \"missed\" in {}",
             defect.invariants.join(" or "),
-            found.why(),
+            found.notes(),
             list::LIST
         )),
     }

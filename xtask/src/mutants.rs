@@ -4,7 +4,7 @@
 //! The crate's own tests run, the fast ones first. The wider ones of `tests/` are left out: they take half a minute to link for each mutant.
 
 mod outcomes;
-mod sample;
+pub mod sample;
 mod survivors;
 
 use std::path::PathBuf;
@@ -75,7 +75,7 @@ const SLOW_OF_BOARD: [&str; 6] = [
 ];
 
 /// Mutants that are left out.
-const EXCLUDED: [&str; 2] = [
+pub const EXCLUDED: [&str; 2] = [
     // Only messages of failed tests print with it.
     "impl .*Debug for",
     // Compiled only with the feature `defmt`, for logs: the tests are built without it.
@@ -243,6 +243,9 @@ fn diff(base: &str) -> Result<PathBuf, String> {
 }
 
 /// Path of cargo-mutants, installed below the target folder if it is missing.
-fn tool() -> Result<PathBuf, String> {
+///
+/// # Errors
+/// The installation's.
+pub fn tool() -> Result<PathBuf, String> {
     installed("cargo-mutants", VERSION)
 }

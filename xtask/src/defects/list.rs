@@ -9,21 +9,35 @@ use crate::files;
 
 pub const LIST: &str = "xtask/defects.json";
 
+/// Instead of the names of invariants: each of them.
+pub const ANY: &str = "any";
+
 /// A mistake that an invariant of the torture chamber finds.
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Defect {
     pub name: String,
     /// Any of these may find it. Exactly one where the defect shows that the invariant can fail.
     pub invariants: Vec<String>,
     pub plant: Plant,
+    pub origin: Origin,
     /// What is wrong, as one sentence.
     pub what: String,
     /// Why no check finds it: a hole in the chamber, stated.
     pub missed: Option<String>,
 }
 
+#[derive(Clone, Debug, PartialEq)]
+pub enum Origin {
+    /// A person's idea, or a mistake of this project's past.
+    Chosen,
+    /// A mutant of this area, drawn by a seed.
+    Drawn(String),
+    /// As `Drawn`, but left out of the score, because no behavior differs: with the proof.
+    Equivalent(String),
+}
+
 /// How a defect is planted.
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Plant {
     /// One replacement, or several where the code guards twice.
     Texts(Vec<Edit>),
@@ -32,7 +46,7 @@ pub enum Plant {
 }
 
 /// `from`, which occurs once in the file, becomes `to`.
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Edit {
     pub file: String,
     pub from: String,
@@ -46,7 +60,7 @@ pub fn read(path: &Path) -> Result<Vec<Defect>, String> {
         .map_err(|error| format!("{}: {error}", path.display()))
 }
 
-fn parse(text: &str) -> Result<Vec<Defect>, String> {
+pub fn parse(text: &str) -> Result<Vec<Defect>, String> {
     let value: Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
     let rows = value.as_array().ok_or("expected a list")?;
     let all: Vec<Defect> =
@@ -78,10 +92,19 @@ fn entry(row: &Value, number: usize) -> Result<Defect, String> {
             Plant::Texts(std::iter::once(row).chain(others).map(edit).collect::<Result<_, String>>()?)
         }
     };
+    let origin = match (optional(row, "drawn"), optional(row, "equivalent")) {
+        (None, _) => Origin::Chosen,
+        (Some(area), None) => Origin::Drawn(area),
+        (Some(_), Some(proof)) => Origin::Equivalent(proof),
+    };
+    let drawn = (origin != Origin::Chosen).then(|| vec![ANY.to_owned()]);
     Ok(Defect {
         name: field(row, "name")?,
-        invariants: invariants.ok_or_else(|| format!("entry {number}: \"invariants\" is missing"))?,
+        invariants: invariants
+            .or(drawn)
+            .ok_or_else(|| format!("entry {number}: \"invariants\" is missing"))?,
         plant,
+        origin,
         what: field(row, "what")?,
         missed: optional(row, "missed"),
     })
@@ -103,6 +126,7 @@ pub fn choose<'a>(all: &'a [Defect], names: &[String]) -> Result<Vec<&'a Defect>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::defects::draw;
     use crate::program::root;
 
     fn committed() -> Vec<Defect> {
@@ -142,8 +166,18 @@ mod tests {
         }
         for defect in &all {
             for invariant in &defect.invariants {
-                assert!(known.contains(invariant), "{}: {invariant} is unknown", defect.name);
+                let is_known = known.contains(invariant) || defect.invariants == [ANY];
+                assert!(is_known, "{}: {invariant} is unknown", defect.name);
             }
+        }
+    }
+
+    #[test]
+    fn each_area_has_its_share_of_drawn_defects() {
+        let all = committed();
+        for area in &draw::AREAS {
+            let of = |defect: &&Defect| defect.origin == Origin::Drawn(area.name.to_owned());
+            assert_eq!(all.iter().filter(of).count(), draw::EACH, "{}", area.name);
         }
     }
 

@@ -1,27 +1,45 @@
-//! A copy of the project's files below the target folder, in which a defect is planted and built.
+//! Copies of the project's files below the target folder, in which defects are planted and built.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use super::list::Edit;
-use crate::program::{output, output_of_both, program, root};
+use crate::files;
+use crate::program::{output_of_both, program, root};
+
+/// The crates whose unit tests may find a defect of the firmware.
+pub const TESTED: [&str; 4] = ["servo-core", "tater-wire", "tater-fw", "god"];
+
+/// The unit tests of a crate.
+pub struct Tests {
+    pub package: String,
+    pub program: PathBuf,
+    /// Where cargo would run them.
+    pub folder: PathBuf,
+}
 
 pub struct Tree {
     folder: PathBuf,
+    /// All trees share it: crates of other folders are other crates to cargo, and what comes from a registry is built once.
     build: PathBuf,
 }
 
 impl Tree {
-    /// Copies the tracked files, as they are now, to `folder`. Those that are equal there keep their time, so that cargo builds
-    /// only what has changed.
+    /// Copies the tracked files, as they are now but for `changed`, to a folder below `defects`. Those that are equal there keep their time, so
+    /// that cargo builds only what has changed.
     ///
     /// # Errors
     /// Git's, or the file system's.
-    pub fn copy(folder: &Path) -> Result<Self, String> {
-        let tree = Self { folder: folder.join("tree"), build: folder.join("build") };
-        let listed = output(program("git ls-files -z"))?;
-        let files: Vec<&str> = listed.split('\0').filter(|file| !file.is_empty()).collect();
-        for file in &files {
+    pub fn copy(defects: &Path, name: &str, changed: &BTreeMap<String, String>) -> Result<Self, String> {
+        let tree = Self { folder: defects.join(name), build: defects.join("build") };
+        let listed = crate::program::output(program("git ls-files -z"))?;
+        for file in listed.split('\0').filter(|file| !file.is_empty()) {
+            if let Some(text) = changed.get(file) {
+                tree.write(file, text.as_bytes())?;
+                continue;
+            }
             // A file that was deleted but not committed is tracked still.
             if root().join(file).exists() {
                 let bytes = std::fs::read(root().join(file)).map_err(|error| format!("{file}: {error}"))?;
@@ -44,47 +62,78 @@ impl Tree {
             .map_err(|error| format!("{}: {error}\n  next: free space, or delete the folder", to.display()))
     }
 
-    /// Calls `then` with the edits made, and undoes them.
-    ///
-    /// # Errors
-    /// A `from` does not occur exactly once; the error of `then`.
-    pub fn with<T>(&self, edits: &[Edit], then: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-        let mut texts = BTreeMap::new();
-        for Edit { file, from, to } in edits {
-            let text = match texts.remove(file) {
-                Some(text) => text,
-                None => {
-                    let path = root().join(file);
-                    std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?
-                }
-            };
-            let count = text.matches(from.as_str()).count();
-            if count != 1 {
-                return Err(format!("{file}: found {count} times, expected once: {from}"));
-            }
-            texts.insert(file, text.replace(from, to));
-        }
-        texts.iter().try_for_each(|(file, text)| self.write(file, text.as_bytes()))?;
-        let result = then();
-        for file in texts.keys() {
-            let text = std::fs::read(root().join(file)).map_err(|error| format!("{file}: {error}"))?;
-            self.write(file, &text)?;
-        }
-        result
-    }
-
-    /// Builds the simulator: with the checks of a debug build, which find overflows.
+    /// Builds the simulator, with the checks of a debug build, which find overflows, and keeps it as `copy`.
     ///
     /// # Errors
     /// It does not compile: with the compiler's words.
-    pub fn build(&self) -> Result<(), String> {
-        let mut cargo = program("cargo build --quiet --locked --package hil-sim --bin hil-sim");
-        cargo.current_dir(&self.folder).env("CARGO_TARGET_DIR", &self.build);
-        cargo.env("CARGO_PROFILE_DEV_DEBUG", "false");
-        output_of_both(cargo).map(|_| ())
+    pub fn simulator(&self, copy: &Path) -> Result<(), String> {
+        self.cargo("build --package hil-sim --bin hil-sim")?;
+        // The next tree's has the same place. A new file: the last one may be running.
+        let bytes = self.build.join("debug/hil-sim");
+        let _ = std::fs::remove_file(copy);
+        std::fs::copy(bytes, copy).map(|_| ()).map_err(|error| format!("{}: {error}", copy.display()))
     }
 
-    pub fn simulator(&self) -> PathBuf {
-        self.build.join("debug/hil-sim")
+    /// Builds the unit tests of these crates.
+    ///
+    /// # Errors
+    /// As [`Tree::simulator`].
+    pub fn tests(&self, crates: &[&str]) -> Result<Vec<Tests>, String> {
+        let packages: String = crates.iter().map(|name| format!(" --package {name}")).collect();
+        let line = format!("test --no-run --lib{packages}");
+        self.cargo(&line)?;
+        // Its errors would be JSON.
+        let text = self.cargo(&format!("{line} --message-format json"))?;
+        let rows = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let tests = |row: Value| {
+            let package = row["target"]["name"].as_str()?.replace('_', "-");
+            let folder = self.folder.join(&package);
+            Some(Tests { package, program: PathBuf::from(row["executable"].as_str()?), folder })
+        };
+        Ok(rows.filter_map(tests).collect())
     }
+
+    /// # Errors
+    /// It does not compile: with the compiler's words.
+    pub fn check(&self, package: &str) -> Result<(), String> {
+        self.cargo(&format!("check --lib --package {package}")).map(|_| ())
+    }
+
+    fn cargo(&self, line: &str) -> Result<String, String> {
+        let mut cargo = program(&format!("cargo {line} --quiet --locked --color never"));
+        if !line.contains("--message-format") {
+            cargo.args(["--message-format", "short"]);
+        }
+        cargo.current_dir(&self.folder).env("CARGO_TARGET_DIR", &self.build);
+        cargo.env("CARGO_PROFILE_DEV_DEBUG", "false");
+        output_of_both(cargo)
+    }
+}
+
+/// The texts of the files that edits change.
+///
+/// # Errors
+/// A `from` does not occur exactly once, or a file cannot be read.
+pub fn edited(edits: &[Edit]) -> Result<BTreeMap<String, String>, String> {
+    let mut texts = BTreeMap::new();
+    for Edit { file, from, to } in edits {
+        let text = match texts.remove(file) {
+            Some(text) => text,
+            None => text(file)?,
+        };
+        let count = text.matches(from.as_str()).count();
+        if count != 1 {
+            return Err(format!("{file}: found {count} times, expected once: {from}"));
+        }
+        texts.insert(file.clone(), text.replace(from, to));
+    }
+    Ok(texts)
+}
+
+/// The text of a file of the project.
+///
+/// # Errors
+/// It cannot be read.
+pub fn text(file: &str) -> Result<String, String> {
+    Ok(String::from_utf8_lossy(&files::read(&root().join(file))?).into_owned())
 }
