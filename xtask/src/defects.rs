@@ -13,7 +13,7 @@ mod tree;
 mod trial;
 mod units;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -22,7 +22,7 @@ use crate::program::{in_parallel, root, target};
 use crate::{Failure, files, outcome::say};
 use list::{Defect, Origin, Plant};
 use page::{Row, Rows};
-use switch::Switched;
+use switch::{Refused, Switched};
 use tree::Tree;
 use trial::{Found, Simulator, Trial};
 
@@ -117,18 +117,13 @@ fn switched<T>(
     build: impl Fn(&Tree) -> Result<T, String>,
 ) -> Result<(T, Switched), String> {
     let all: Vec<&Defect> = all.iter().filter(|defect| can_be_planted(defect)).collect();
-    let mut refused = BTreeSet::new();
+    let mut refused = Refused::default();
     loop {
         let plan = Switched::plan(&all, &refused, tree::text)?;
         match build(&Tree::copy(folder, "tree-switched", &plan.files)?) {
             Ok(built) => return Ok((built, plan)),
-            Err(error) => {
-                let blamed = plan.blamed(&error);
-                if blamed.is_subset(&refused) {
-                    return Err(error);
-                }
-                refused.extend(blamed);
-            }
+            Err(error) if !refused.add(plan.blamed(&error, tree::text)) => return Err(error),
+            Err(_) => {}
         }
     }
 }

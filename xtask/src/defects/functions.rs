@@ -21,6 +21,11 @@ pub fn enclosing(text: &str, place: &Range<usize>) -> Option<Body> {
     bodies(text).into_iter().filter(has).min_by_key(|body| body.inside.len())
 }
 
+/// The words `const` before the functions of this name.
+pub fn constants(text: &str, name: &str) -> Vec<Range<usize>> {
+    bodies(text).into_iter().filter(|body| body.name == name).filter_map(|body| body.constant).collect()
+}
+
 /// A word or a sign, and where it begins.
 type Token<'a> = (usize, &'a str);
 

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use super::functions::{Body, enclosing};
+use super::functions::{Body, constants, enclosing};
 use super::list::{Defect, Edit, Plant};
 
 /// The variable that names the planted defect. Without it the program is the unchanged one.
@@ -36,6 +36,25 @@ fn number(name: &str) -> u64 {
         .fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
 }
 
+/// What the compiler has refused so far.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Refused {
+    /// Defects that do not compile beside the original.
+    pub defects: BTreeSet<String>,
+    /// `const` functions that call one with versions: file and name. They cannot be `const` either.
+    constants: BTreeSet<(String, String)>,
+}
+
+impl Refused {
+    /// Adds others; returns whether any is new.
+    pub fn add(&mut self, others: Self) -> bool {
+        let before = self.clone();
+        self.defects.extend(others.defects);
+        self.constants.extend(others.constants);
+        *self != before
+    }
+}
+
 /// The files of the build with switches.
 #[derive(Debug, Default)]
 pub struct Switched {
@@ -50,13 +69,13 @@ pub struct Switched {
 }
 
 impl Switched {
-    /// Plans the build, without those that `excluded` says do not compile in it. `read` returns the text of a file.
+    /// Plans the build, without what the compiler has refused. `read` returns the text of a file.
     ///
     /// # Errors
     /// A text that a defect replaces does not occur exactly once; the error of `read`.
     pub fn plan(
         defects: &[&Defect],
-        excluded: &BTreeSet<String>,
+        refused: &Refused,
         read: impl Fn(&str) -> Result<String, String>,
     ) -> Result<Self, String> {
         let mut planned = Self::default();
@@ -72,7 +91,7 @@ impl Switched {
             }
             let obstacle = places.iter().find_map(|place| place.as_ref().err().copied());
             let obstacle = obstacle
-                .or(excluded.contains(&defect.name).then_some("does not compile beside the original"));
+                .or(refused.defects.contains(&defect.name).then_some("does not compile beside the original"));
             if let Some(why) = obstacle {
                 planned.alone.insert(defect.name.clone(), why);
                 continue;
@@ -94,6 +113,11 @@ impl Switched {
                 .extend(versions.into_iter().map(|(lines, defect)| (name.clone(), lines, defect)));
             planned.files.insert(name.clone(), text);
         }
+        for (file, function) in &refused.constants {
+            let mut text = planned.files.remove(file).map_or_else(|| read(file), Ok)?;
+            constants(&text, function).into_iter().rev().for_each(|word| text.replace_range(word, ""));
+            planned.files.insert(file.clone(), text);
+        }
         for name in files.keys() {
             let root = format!("{}/src/lib.rs", name.split('/').next().unwrap_or_default());
             let text = match planned.files.remove(&root) {
@@ -106,26 +130,35 @@ impl Switched {
         Ok(planned)
     }
 
-    /// The defects in whose versions the compiler has found errors.
-    pub fn blamed(&self, messages: &str) -> BTreeSet<String> {
-        let places = messages.lines().filter_map(|line| {
-            let (place, _) = line.split_once(": error")?;
+    /// What the compiler refuses, by its messages: the defects in whose versions it has found errors, and what it says of `const`, as
+    /// "cannot call non-const method `a::B::name` in constant functions".
+    pub fn blamed(&self, messages: &str, read: impl Fn(&str) -> Result<String, String>) -> Refused {
+        let mut refused = Refused::default();
+        for line in messages.lines() {
+            let Some((place, message)) = line.split_once(": error") else { continue };
             let mut parts = place.trim().split(':');
-            Some((parts.next()?, parts.next()?.parse::<usize>().ok()?))
-        });
-        let mut blamed = BTreeSet::new();
-        for (file, line) in places {
+            let (file, number) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+            let Ok(number) = number.parse::<usize>() else { continue };
+            if message.contains("non-const") {
+                let text = self.files.get(file).cloned().or_else(|| read(file).ok()).unwrap_or_default();
+                let at =
+                    text.split_inclusive('\n').take(number).map(str::len).sum::<usize>().saturating_sub(1);
+                if let Some(body) = enclosing(&text, &(at..at)).filter(|body| body.constant.is_some()) {
+                    refused.constants.insert((file.to_owned(), body.name));
+                    continue;
+                }
+                let name = message.split('`').nth(1).and_then(|path| path.split("::").last());
+                let called = |function: &String| Some(function.as_str()) == name;
+                // One that calls it, if it has no versions itself: of which, is not known here.
+                let is_direct = self.inconstant.iter().any(|(function, _)| called(function));
+                let all = self.inconstant.iter().filter(|(function, _)| !is_direct || called(function));
+                refused.defects.extend(all.map(|(_, defect)| defect.clone()));
+            }
             let hit =
-                |(name, lines, _): &&(String, Range<usize>, String)| name == file && lines.contains(&line);
-            blamed.extend(self.versions.iter().filter(hit).map(|(.., defect)| defect.clone()));
+                |(name, lines, _): &&(String, Range<usize>, String)| name == file && lines.contains(&number);
+            refused.defects.extend(self.versions.iter().filter(hit).map(|(.., defect)| defect.clone()));
         }
-        // `cannot call non-const method `a::B::name` in constants`
-        for line in messages.lines().filter(|line| line.contains("non-const")) {
-            let name = line.split('`').nth(1).and_then(|path| path.split("::").last()).unwrap_or_default();
-            let called = self.inconstant.iter().filter(|(function, _)| function == name);
-            blamed.extend(called.map(|(_, defect)| defect.clone()));
-        }
-        blamed
+        refused
     }
 }
 
@@ -217,80 +250,93 @@ mod tests {
     use super::*;
     use crate::defects::list;
 
-    const TEXT: &str = "const A: u8 = 1;\nfn f() -> u8 {\n    1 + A\n}\npub const fn g() -> u8 {\n    7\n}\n";
+    const FILE: &str = "c/src/a.rs";
+    const TEXT: &str = "const A: u8 = 1;\nfn f() -> u8 {\n    1 + A\n}\npub const fn g() -> u8 {\n    7\n}\nconst fn h() -> u8 {\n    g()\n}\n";
 
-    #[test]
-    fn lines_around_a_change_may_reach_into_another_function() {
-        let plan =
-            plan(&[("two", "fn f() -> u8 {\n    1 + A\n}\npub", "fn f() -> u8 {\n    2 + A\n}\npub")], &[]);
-        assert!(
-            plan.files
-                .get("c/src/a.rs")
-                .is_some_and(|text| text.contains("{\n    2 + A\n\n}\n_ => {\n    1 + A"))
-        );
+    type Row<'a> = (&'a str, &'a str, &'a str);
+
+    const ROWS: [Row; 3] = [("two", "1 + A", "2 + A"), ("three", "    1", "    3"), ("g", "7", "8")];
+
+    fn read(file: &str) -> Result<String, String> {
+        Ok(if file == FILE { TEXT } else { "mod a;\n" }.to_owned())
     }
 
-    fn plan(edits: &[(&str, &str, &str)], excluded: &[&str]) -> Switched {
-        let rows = edits.iter().map(|(name, from, to)| {
-            serde_json::json!({ "name": name, "invariants": ["i"], "file": "c/src/a.rs", "from": from, "to": to, "what": "w" })
+    fn plan(rows: &[Row], refused: &Refused) -> Switched {
+        let rows = rows.iter().map(|(name, from, to)| {
+            serde_json::json!({ "name": name, "invariants": ["i"], "file": FILE, "from": from, "to": to, "what": "w" })
         });
         let all = list::parse(&serde_json::Value::from_iter(rows).to_string()).expect("complete");
-        let excluded = excluded.iter().map(|name| (*name).to_owned()).collect();
-        let read =
-            |file: &str| Ok(if file == "c/src/a.rs" { TEXT.to_owned() } else { "mod a;\n".to_owned() });
-        Switched::plan(&all.iter().collect::<Vec<_>>(), &excluded, read).expect("planned")
+        Switched::plan(&all.iter().collect::<Vec<_>>(), refused, read).expect("planned")
+    }
+
+    fn text(plan: &Switched) -> &str {
+        plan.files.get(FILE).expect("it has versions")
     }
 
     #[test]
     fn body_gets_a_version_for_each_defect() {
-        let plan = plan(&[("two", "1 + A", "2 + A"), ("three", "    1", "    3"), ("g", "7", "8")], &[]);
+        let plan = plan(&ROWS, &Refused::default());
         let expected = format!(
             "const A: u8 = 1;\nfn f() -> u8 {{match crate::planted::defect() {{\n{:#x} => {{\n    3 + A\n\n}}\n{:#x} => {{\n    2 + A\n\n}}\n\
              _ => {{\n    1 + A\n\n}}\n}}}}\npub  fn g() -> u8 {{match crate::planted::defect() {{\n{:#x} => {{\n    8\n\n}}\n\
-             _ => {{\n    7\n\n}}\n}}}}\n",
+             _ => {{\n    7\n\n}}\n}}}}\nconst fn h() -> u8 {{\n    g()\n}}\n",
             number("three"),
             number("two"),
             number("g")
         );
-        assert_eq!(plan.files.get("c/src/a.rs"), Some(&expected));
+        assert_eq!(text(&plan), expected);
         assert_eq!(plan.files.get("c/src/lib.rs"), Some(&format!("mod a;\n{MODULE}")));
         assert!(plan.alone.is_empty());
-        assert!(
-            MODULE.contains(VARIABLE)
-                && MODULE.contains("0xCBF2_9CE4_8422_2325")
-                && MODULE.contains("0x0100_0000_01B3")
-        );
+        for word in [VARIABLE, "0xCBF2_9CE4_8422_2325", "0x0100_0000_01B3"] {
+            assert!(MODULE.contains(word), "{word}");
+        }
+    }
+
+    #[test]
+    fn lines_around_a_change_may_reach_into_another_function() {
+        let row = ("two", "fn f() -> u8 {\n    1 + A\n}\npub", "fn f() -> u8 {\n    2 + A\n}\npub");
+        let plan = plan(&[row], &Refused::default());
+        assert!(text(&plan).contains("{\n    2 + A\n\n}\n_ => {\n    1 + A"), "{}", text(&plan));
     }
 
     #[test]
     fn defect_that_is_no_version_of_a_body_gets_a_build_of_its_own() {
-        let plan = plan(&[("a", "A: u8 = 1", "A: u8 = 2"), ("g", "7", "8")], &["g"]);
+        let refused = Refused { defects: BTreeSet::from(["g".to_owned()]), ..Refused::default() };
+        let plan = plan(&[("a", "A: u8 = 1", "A: u8 = 2"), ("g", "7", "8")], &refused);
         let alone: Vec<(&str, &str)> = plan.alone.iter().map(|(name, why)| (name.as_str(), *why)).collect();
         assert_eq!(alone, [("a", "outside of a function"), ("g", "does not compile beside the original")]);
         assert!(plan.files.is_empty());
     }
 
     #[test]
-    fn compiler_blames_the_version_of_its_line_and_a_function_that_is_no_longer_const() {
-        let plan = plan(&[("two", "1 + A", "2 + A"), ("three", "    1", "    3"), ("g", "7", "8")], &[]);
-        let blamed = |text: &str| plan.blamed(text).into_iter().collect::<Vec<_>>().join(" ");
-        assert_eq!(
-            blamed("c/src/a.rs:4:5: error[E0308]: mismatched types\nerror: could not compile"),
-            "three"
-        );
+    fn compiler_blames_the_version_of_its_line() {
+        let plan = plan(&ROWS, &Refused::default());
+        let blamed = |text: &str| plan.blamed(text, read).defects.into_iter().collect::<Vec<_>>().join(" ");
+        let message = "c/src/a.rs:4:5: error[E0308]: mismatched types\nerror: could not compile";
+        assert_eq!(blamed(message), "three");
         assert_eq!(blamed("c/src/a.rs:8:5: error: no"), "two");
         assert_eq!(blamed("c/src/a.rs:11:5: error: no\nc/src/b.rs:4:5: error: no"), "");
-        assert_eq!(
-            blamed("c/src/b.rs:1:9: error[E0015]: cannot call non-const function `a::g` in constants"),
-            "g"
-        );
+    }
+
+    #[test]
+    fn function_that_calls_one_with_versions_is_const_no_more() {
+        let first = plan(&ROWS, &Refused::default());
+        let line = text(&first).lines().position(|line| line == "    g()").expect("in h") + 1;
+        let error = "error[E0015]: cannot call non-const function `a::g` in";
+        let mut refused = first.blamed(&format!("{FILE}:{line}:5: {error} constant functions"), read);
+        assert_eq!(refused.defects, BTreeSet::new());
+        assert!(text(&plan(&ROWS, &refused)).contains("\n fn h() -> u8 {\n    g()\n}\n"));
+        // In a constant nothing helps.
+        let constant = first.blamed(&format!("{FILE}:1:15: {error} constants"), read);
+        assert_eq!(constant.defects, BTreeSet::from(["g".to_owned()]));
+        assert!(refused.add(constant.clone()) && !refused.add(constant));
     }
 
     #[test]
     fn each_defect_of_the_list_is_planned() {
         let all = list::read(&crate::program::root().join(list::LIST)).expect("complete");
         let all: Vec<&Defect> = all.iter().collect();
-        let plan = Switched::plan(&all, &BTreeSet::new(), crate::defects::tree::text).expect("planned");
+        let plan = Switched::plan(&all, &Refused::default(), crate::defects::tree::text).expect("planned");
         // Each costs a build of the simulator, minutes.
         let alone: Vec<&str> = plan.alone.keys().map(String::as_str).collect();
         assert_eq!(alone, ["storage-3"]);
