@@ -168,7 +168,7 @@ fn torture(
     let mut failures = in_parallel(&together, |defect| search(defect, &switching, Some(&defect.name), jobs));
     for defect in alone {
         let why = plan.alone.get(&defect.name).copied().unwrap_or_default();
-        progress(&format!("{}: {why}, so it gets a build of its own", defect.name));
+        say(&format!("{}: {why}, so it gets a build of its own", defect.name));
         let Plant::Texts(edits) = &defect.plant else { continue };
         let built = tree::edited(edits)
             .and_then(|texts| Tree::copy(folder, "tree-single", &texts))
