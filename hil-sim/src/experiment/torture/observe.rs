@@ -10,6 +10,7 @@ use tater_fw::events::BoardEvent;
 use tater_wire::Property;
 
 use super::invariant::{Ground, Seen};
+use crate::world::board::SimBoard;
 use crate::world::node::Node;
 
 /// Numbers of properties.
