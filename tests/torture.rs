@@ -162,6 +162,15 @@ fn docs_have_the_tables() {
     );
 }
 
+/// The last column, what the seeds reach, is compared by `cargo xtask ci`.
+#[test]
+fn safety_page_has_the_promises_of_the_checks() {
+    let page = include_str!("../docs/safety.md");
+    for row in hil_sim::torture::report::promises() {
+        assert!(page.lines().any(|line| line.starts_with(&row)), "docs/safety.md lacks {row}");
+    }
+}
+
 #[test]
 fn same_seed_gives_the_same_run() {
     for seed in [3, 11] {
@@ -191,6 +200,18 @@ fn every_seed_that_ever_failed_holds() {
         seeds += 1;
     }
     assert!(seeds > 5, "{seeds}");
+}
+
+/// Ten minutes of simulated time at least, a replay line of its own, and the same run again.
+#[test]
+fn long_seed_heats_a_winding_and_holds() {
+    let case = Case::draw_long(2);
+    assert!(case.is_long && case.stop_ms >= 600_000 && case != Case::draw(2));
+    let line = hil_sim::torture::report::replay_line(&case, &Selection::default());
+    assert_eq!(line, "hil-sim torture --seed 2 --long --replay");
+    let outcome = run(&case);
+    assert_eq!(outcome.violation, None);
+    assert!(outcome.peaks[0] > 60.0, "the hottest winding has {:.0} C", outcome.peaks[0]);
 }
 
 /// A failure that needs one fault and one step of many is shrunk to these.

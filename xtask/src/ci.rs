@@ -9,7 +9,7 @@ use crate::program::{in_parallel, output, program, root, run, simulator};
 use crate::setup::THUMB;
 use crate::{
     Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages,
-    ray_sweep, reports, setup, size, table, wheel,
+    promises, ray_sweep, reports, setup, size, table, wheel,
 };
 
 struct Step {
@@ -171,9 +171,15 @@ fn scenarios() -> Outcome {
 const TORTURE_SEED: u32 = 1;
 const TORTURE_SEEDS: u32 = 1000;
 
+/// And of those that last ten minutes and more: half a minute on two cores.
+const LONG_SEEDS: u32 = 4;
+
 fn torture() -> Outcome {
     // The line that replays a failure names its seed.
-    print!("{}", output(simulator(&format!("torture --seed {TORTURE_SEED} --seeds {TORTURE_SEEDS}"))?)?);
+    let json = output(simulator(&format!("torture --seed {TORTURE_SEED} --seeds {TORTURE_SEEDS} --json"))?)?;
+    print!("{json}");
+    promises::compare(&json)?;
+    print!("{}", output(simulator(&format!("torture --long --seed {TORTURE_SEED} --seeds {LONG_SEEDS}"))?)?);
     Ok(())
 }
 

@@ -15,7 +15,7 @@ pub struct FreshArgs {
     /// Repeat the run with this seed; a new one without it, which is printed
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     seed: Option<u32>,
-    /// Minutes of the torture chamber
+    /// Minutes of the torture chamber, and a fifth of that for its long seeds
     #[arg(long, value_name = "N", default_value_t = 20)]
     minutes: u32,
 }
@@ -29,6 +29,9 @@ pub fn fresh(args: &FreshArgs) -> Outcome {
         args.minutes
     ));
     print!("{}", output(simulator(&format!("torture --seed {seed} --minutes {}", args.minutes))?)?);
+    // Those that last ten minutes and more have a fifth of the time.
+    let long = args.minutes.div_ceil(5);
+    print!("{}", output(simulator(&format!("torture --long --seed {seed} --minutes {long}"))?)?);
     let mut tests = program(&format!("cargo test --quiet {PACKAGES}"));
     tests.env(PROPERTY_SEED, seed.to_string());
     run(tests)?;

@@ -27,6 +27,7 @@ mod mutants;
 mod outcome;
 mod packages;
 mod program;
+mod promises;
 mod python;
 mod ray_sweep;
 mod reports;

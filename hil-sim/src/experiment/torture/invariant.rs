@@ -216,7 +216,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "values-are-true",
-        "THERM, VBUS and B are those of the plant, within 3 C and 1 V",
+        "THERM, VBUS, B, VEL and T are those of the plant, within stated errors",
         "docs/properties.md",
         excuse::VALUES,
         Check::Program(meaning::values),

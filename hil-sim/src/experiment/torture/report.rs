@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::case::{Case, Selection};
 use super::invariant::excuse::{Excuse, Reach};
+use super::invariant::measure::{PROMISES, Promise};
 use super::invariant::{self, INVARIANTS, MAY_PRESS};
 use super::kinds::{Place, ROWS, Row};
 use super::session::Outcome;
@@ -96,6 +97,16 @@ pub fn text(case: &Case, selection: &Selection, outcome: &Outcome, events: &[Eve
     add("\nevents of GOD and the boards, oldest first:".to_owned());
     events.iter().for_each(|event| add(event.to_string()));
     text
+}
+
+/// The table of docs/safety.md without its last column, which has what the seeds of ci reach: a promise, its bound, rule and test.
+#[must_use]
+pub fn promises() -> Vec<String> {
+    let row = |promise: &Promise| {
+        let Promise { name, what, most, rule, test } = promise;
+        format!("| {what} (`{name}`) | {most} | `{rule}` | `{test}` |")
+    };
+    PROMISES.iter().map(row).collect()
 }
 
 /// The tables of docs/torture.md: invariants, their excuses, who may press longer than TSTOP, and kinds of fault.

@@ -23,8 +23,8 @@ pub(super) const STILL: f64 = 1.0;
 /// A torque above MT (docs/safety.md): from a quarter of it, for so long, ms, and with so much beyond MT, mN·m·s, for motors whose R, Ke and inertia
 /// are 30 % off and halls 10°. The thousand seeds of ci stay below.
 const ABOVE: f64 = 1.25;
-const ABOVE_MS: u32 = 12;
-const ABOVE_M_N_M_S: f64 = 2.5;
+pub(super) const ABOVE_MS: u32 = 12;
+pub(super) const ABOVE_M_N_M_S: f64 = 2.5;
 
 /// What cogging, rounding and the ripple of the current add to a torque, N·m.
 pub(super) const RIPPLE_N_M: f64 = 0.012;
@@ -49,7 +49,7 @@ const NEAR: i64 = 2;
 const WEAK: f64 = 500e-6;
 
 /// Ticks beyond TSTOP: the count that a set-point needs to be ahead (10), and the torque of HI that turns round slowly (decision 0053).
-const STALL_SLACK_MS: u64 = 40;
+pub(super) const STALL_SLACK_MS: u64 = 40;
 
 /// A motor that stands and presses on something, by its true torque and what its board says on the wire.
 pub struct Pressing {

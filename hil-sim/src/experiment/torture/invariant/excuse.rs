@@ -145,7 +145,7 @@ pub const UNSEEN: &[Excuse] = &[here(
 
 /// Of values-are-true.
 pub const VALUES: &[Excuse] = &[
-    here(LYING_SENSORS.union(Kinds::of(&[F::ThermistorOpen])), "the sensors lie"),
+    here(LYING_SENSORS.union(LYING_HALLS).union(Kinds::of(&[F::ThermistorOpen])), "the sensors lie"),
     here(Kinds::of(&[F::BoardHang]), "a board that hangs reads nothing"),
 ];
 

@@ -12,7 +12,7 @@ use super::measure::Measure;
 const DISABLED: i64 = 255;
 
 /// Ticks within which a strain outside HSG and LSG ends a move: the tick that reads it, and the next.
-const STRAIN_MS: u32 = 2;
+pub(super) const STRAIN_MS: u32 = 2;
 
 /// A link breaks away under BT (docs/safety.md: 10 ms). Torque above BT that the board cannot take for less: R, Ke and halls are off
 /// by 30 % and 10°.
@@ -20,7 +20,7 @@ const LOADED: f64 = 1.3;
 
 /// Ticks within which it must: 10 ms of BT, and until it is slower than a quarter of its set-point, which halls show by the time since the last
 /// count: 4 counts at that speed. Half as much again for both.
-const BREAKS_AWAY_MS: u32 = 60;
+pub(super) const BREAKS_AWAY_MS: u32 = 60;
 const BREAKS_AWAY_COUNTS: u32 = 6;
 
 /// Counts before E from which on a set-point still moves while its link lags by the few counts that make up a torque.
@@ -70,7 +70,7 @@ pub struct Meaning {
     since_load_ms: u64,
     end: i64,
     was_driven: bool,
-    wrong_ms: u32,
+    reported: Reported,
 }
 
 /// Follows what the motor was ordered to do.
@@ -188,31 +188,82 @@ pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
 }
 
 /// Stated errors of measured values: the thermistor lags its housing, and the bus is read once a tick.
-const BUS_V: f64 = 1.0;
-const THERM_C: f64 = 3.0;
+pub(super) const BUS_V: f64 = 1.0;
+pub(super) const THERM_C: f64 = 3.0;
 
 /// Ticks for which a value must be wrong: the erase of a page stops a board for 40 ms.
 const WRONG_MS: u32 = 60;
 
+/// The way by VEL in a window of time, ms, against the rotor's: an impact at full speed is seen when the next count is overdue.
+const WAY_MS: u64 = 100;
+pub(super) const WAY_COUNTS: f64 = 12.0;
+
+/// T of a motor that stands and presses, after a time in which its current has settled, ms: R, Ke and halls are off by 30 % and 10°, a hot winding
+/// has 40 % more resistance, and six steps give less between their middles.
+const STEADY_MS: u64 = 30;
+const PRESSES: f64 = 100.0;
+pub(super) const TORQUE_SHARE: f64 = 0.9;
+
+/// What [`values`] remembers of a motor.
+#[derive(Debug, Default)]
+pub struct Reported {
+    wrong_ms: u32,
+    /// Since when VEL is added up, ms; its sum; the place then, counts.
+    way: (u64, f64, f64),
+    /// For how long the motor has stood and pressed, ms.
+    steady_ms: u64,
+}
+
+impl Reported {
+    /// The way by VEL less that of the rotor, counts, at the end of each window.
+    fn way_off(&mut self, view: &View, vel: f64) -> Option<f64> {
+        let (since_ms, sum, from) = self.way;
+        let is_whole = view.ms == since_ms + WAY_MS;
+        let off = sum + vel * 1e-3 - (view.truth.counts - from);
+        self.way = if is_whole || view.ms > since_ms + WAY_MS {
+            (view.ms, 0.0, view.truth.counts)
+        } else {
+            (since_ms, sum + vel * 1e-3, from)
+        };
+        is_whole.then_some(off.abs())
+    }
+
+    /// By how much T is off, as a share of the true torque.
+    fn torque_off(&mut self, view: &View, t: f64, strength: f64) -> Option<f64> {
+        let presses = presses(view) && view.truth.counts_per_s.abs() <= STILL && t.abs() >= PRESSES;
+        self.steady_ms = if presses && view.orders().next().is_none() { self.steady_ms + 1 } else { 0 };
+        let units = view.truth.torque_n_m / strength * UNITS;
+        (self.steady_ms > STEADY_MS).then(|| (units / t - 1.0).abs())
+    }
+}
+
 pub fn values(joint: &mut Joint, view: &View) -> Option<String> {
     let value = |property| view.property(property).map(|value| value as f64);
     let (therm, vbus) = (value(Property::THERM)? / 10.0, value(Property::VBUS)? / 10.0);
-    let vel = value(Property::VEL)?;
-    let released = value(Property::B)? != 0.0;
+    let (vel, t, released) = (value(Property::VEL)?, value(Property::T)?, value(Property::B)? != 0.0);
     let (c, v) = ((therm - view.truth.housing_c).abs(), (vbus - view.volts).abs());
-    joint.worst.note(Measure::Velocity, (vel - view.truth.counts_per_s).abs());
+    let strength = strength(&joint.plant);
+    let reported = &mut joint.meaning.reported;
+    let (way, share) = (reported.way_off(view, vel), reported.torque_off(view, t, strength));
+    joint.worst.note(Measure::Way, way.unwrap_or(0.0));
+    joint.worst.note(Measure::Torque, share.unwrap_or(0.0));
+    if let Some(way) = way.filter(|&way| way > WAY_COUNTS) {
+        return Some(format!("the way by VEL is {way:.1} counts off in {WAY_MS} ms"));
+    }
     let wrong = if c > THERM_C {
         Some(format!("THERM says {therm} C, the housing has {:.1}", view.truth.housing_c))
     } else if v > BUS_V {
         Some(format!("VBUS says {vbus} V, the bus has {:.1}", view.volts))
     } else if joint.has_brake && released != view.brake_released {
         Some(format!("B says {released}, the brake is told to release: {}", view.brake_released))
+    } else if let Some(share) = share.filter(|&share| share > TORQUE_SHARE) {
+        Some(format!("T says {t}, and is off by {:.0} %", 100.0 * share))
     } else {
         joint.worst.note(Measure::Therm, c);
         joint.worst.note(Measure::Bus, v);
         None
     };
-    let meaning = &mut joint.meaning;
-    meaning.wrong_ms = if wrong.is_some() { meaning.wrong_ms + 1 } else { 0 };
-    wrong.filter(|_| joint.meaning.wrong_ms > WRONG_MS)
+    let reported = &mut joint.meaning.reported;
+    reported.wrong_ms = if wrong.is_some() { reported.wrong_ms + 1 } else { 0 };
+    wrong.filter(|_| joint.meaning.reported.wrong_ms > WRONG_MS)
 }

@@ -18,7 +18,7 @@ const DEAD: u16 = 512;
 const RETURN_V: f64 = 27.5;
 
 /// Winding temperature at which the boards' model allows no torque, 130 C, and 5 K for its error.
-const WINDING_C: f64 = 135.0;
+pub(super) const WINDING_C: f64 = 135.0;
 
 /// The same while the flash has no hot mark: a start without it assumes 100 C (decision 0051), and 10 K for plants that are not nominal.
 const WINDING_UNMARKED_C: f64 = 110.0;
@@ -201,6 +201,5 @@ pub fn stops(joint: &mut Joint, view: &View) -> Option<String> {
     let yields = plant.stop_rad_n_m();
     let pressed = 0.5 + 0.5 * plant.backlash_counts + peak_n_m * yields / RAD_PER_COUNT;
     let dent = (plant.j_kg_m2 * yields).sqrt() * joint.fastest;
-    joint.worst.note(Measure::Dent, beyond);
     (beyond > pressed + dent).then(|| format!("{beyond:.2} counts beyond its range"))
 }
