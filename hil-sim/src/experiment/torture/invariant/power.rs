@@ -162,7 +162,7 @@ pub fn watchdog(joint: &mut Joint, view: &View) -> Option<String> {
 const COASTING_V_MS: f64 = 0.05;
 
 /// By how much, counts/s, and for how long, ms, a move may be faster than MV: a rotor that breaks loose overshoots a slow set-point. In 300 seeds
-/// the most was 165 counts/s, and 33 ms.
+/// the most was 165 counts/s, and 47 ms.
 const OVERSHOOT: f64 = 50.0;
 const OVERSHOOT_MS: u32 = 100;
 
