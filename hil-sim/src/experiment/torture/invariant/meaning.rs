@@ -167,11 +167,12 @@ pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
         EndCode::Stalled => {
             let tstop = view.property(Property::TSTOP)?.unsigned_abs();
             let least = tstop.min(CELLS_MS as u64) - tstop.min(CELLS_MS as u64) / 20;
-            let end = view.property(Property::E)?;
-            // One that hunts about its goal gives up 2 s after TSTOP (docs/hand.md).
-            let place = view.property(Property::P)? - view.cell;
-            if meaning.cells.len() == CELLS_MS
-                && meaning.cells.iter().all(|cell| (cell + place - end).abs() <= HUNT)
+            // One that hunts about its goal gives up 2 s after TSTOP (docs/hand.md). HI has a goal that E does not say.
+            let goal = match meaning.errand {
+                Errand::Homes => view.cell,
+                _ => view.property(Property::E)? - (view.property(Property::P)? - view.cell),
+            };
+            if meaning.cells.len() == CELLS_MS && meaning.cells.iter().all(|cell| (cell - goal).abs() <= HUNT)
             {
                 return None;
             }
