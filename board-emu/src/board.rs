@@ -407,6 +407,10 @@ impl Station for Board {
         true
     }
 
+    fn is_error_passive(&self) -> bool {
+        self.machine.chip().can.is_error_passive()
+    }
+
     fn error(&mut self, sending: bool) {
         let at = self.now_us * US;
         let chip = self.machine.chip_mut();

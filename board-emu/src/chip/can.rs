@@ -186,6 +186,12 @@ impl Can {
         }
     }
 
+    /// Whether its error flag disturbs no other frame.
+    #[must_use]
+    pub const fn is_error_passive(&self) -> bool {
+        self.errors.is_passive()
+    }
+
     /// Reports a corrupted frame, its own or a received one.
     pub fn error(&mut self, sending: bool, now: Time) {
         self.advance(now);

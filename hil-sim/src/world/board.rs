@@ -34,6 +34,8 @@ pub struct SimBoard {
     feeds: u32,
     tick_feeds: u32,
     retained: u32,
+    /// What the chip gives as serial number.
+    chip: u16,
 }
 
 impl SimBoard {
@@ -55,7 +57,16 @@ impl SimBoard {
             feeds: 0,
             tick_feeds: 0,
             retained: COLD,
+            // Arbitrary but distinct.
+            chip: 1000 + u16::from(straps.number()),
         }
+    }
+
+    /// Makes it another chip, for a second board with the same straps.
+    #[must_use]
+    pub const fn with_chip(mut self, serial_number: u16) -> Self {
+        self.chip = serial_number;
+        self
     }
 
     /// The hand's board of that node with its motor's default plant, at position 0 and 25 °C.
@@ -266,7 +277,6 @@ impl Board for SimBoard {
     }
 
     fn serial_number(&self) -> u16 {
-        // Arbitrary but distinct.
-        1000 + u16::from(self.straps.number())
+        self.chip
     }
 }

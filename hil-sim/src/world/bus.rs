@@ -7,6 +7,11 @@
 //! Not modeled: receive error counters, remote and extended frames, and retransmissions without an acknowledgment: a lone
 //! station waits until another one is on the bus.
 //!
+//! Stations that send one identifier at once do so by mistake: two boards have one number (decision 0078). Equal frames are one frame on the wire. At
+//! the first bit that differs, the station whose recessive bit reads dominant has a bit error. While it is error active its error flag
+//! destroys the frame of all; once it is error passive (counter above 127) its flag disturbs nobody: the other frame is delivered, then its own.
+//! The eight bits for which an error passive station suspends its next frame are not modeled, nor are the host and strangers part of such a conflict.
+//!
 //! Event-driven and deterministic: the same calls give the same traffic, to the microsecond.
 
 mod host;
@@ -36,6 +41,9 @@ const TAP: usize = 1024;
 /// A transmit error counter above this is bus-off (ISO 11898-1).
 const BUS_OFF: u16 = 255;
 
+/// A transmit error counter above this is error passive (ISO 11898-1).
+const PASSIVE: u16 = 127;
+
 /// Time that a station stays bus-off, us: 128 times 11 recessive bits. The controller comes back by itself (bxCAN's ABOM, docs/board.md).
 const RECOVERY_US: u64 = 128 * 11;
 
@@ -58,12 +66,16 @@ pub struct Stats {
     pub duplicates: u64,
     /// How often a station went bus-off.
     pub bus_offs: u64,
+    /// Bit errors between stations that sent different frames with one identifier at once.
+    pub conflicts: u64,
 }
 
 /// A bus with its stations and at most one host.
 pub struct Bus<S> {
     now_us: u64,
     slots: Vec<Slot<S>>,
+    /// The slots behind these are of guests.
+    members: usize,
     host: Option<Host>,
     medium: Box<dyn Medium + Send>,
     flight: Option<Flight>,
@@ -93,19 +105,62 @@ enum Sender {
     Host,
     Station(usize),
     Stranger,
+    /// A guest that was unplugged meanwhile.
+    Gone,
 }
 
 struct Flight {
     frame: Frame,
     sender: Sender,
+    /// Further stations that send the same frame.
+    twins: Vec<usize>,
     begin_us: u64,
     end_us: u64,
     fate: Fate,
 }
 
+impl Flight {
+    fn is_sent_by(&self, index: usize) -> bool {
+        self.sender == Sender::Station(index) || self.twins.contains(&index)
+    }
+}
+
 impl<S: Station> Slot<S> {
+    const fn new(station: S) -> Self {
+        Self {
+            station,
+            cut: false,
+            fifo: VecDeque::new(),
+            taken_us: 0,
+            held_until_us: 0,
+            errors: 0,
+            off_until_us: 0,
+        }
+    }
+
     fn is_connected(&self, now_us: u64) -> bool {
         !self.cut && now_us >= self.off_until_us && self.station.is_on_bus()
+    }
+
+    /// Whether it may take part in an arbitration.
+    fn may_send(&self, now_us: u64) -> bool {
+        self.is_connected(now_us) && self.held_until_us <= now_us
+    }
+
+    /// The frame with which it takes part.
+    fn offer(&self) -> Option<&Frame> {
+        self.station.pending().iter().min_by_key(|frame| frame.raw_id())
+    }
+
+    fn is_passive(&self) -> bool {
+        if self.station.counts_errors() { self.station.is_error_passive() } else { self.errors > PASSIVE }
+    }
+
+    /// It has sent a frame that was corrupted; returns whether it goes bus-off. A station that counts by itself reports that on its own.
+    fn fail(&mut self, now_us: u64) -> bool {
+        let off = !self.station.counts_errors() && self.count_error(now_us);
+        self.station.error(true);
+        off
     }
 
     /// Counts a frame that it could not send; returns whether it goes bus-off.
@@ -133,18 +188,10 @@ impl<S: Station> Bus<S> {
     /// A bus at time 0 with a clean cable and no host.
     #[must_use]
     pub fn new(stations: Vec<S>) -> Self {
-        let slot = |station| Slot {
-            station,
-            cut: false,
-            fifo: VecDeque::new(),
-            taken_us: 0,
-            held_until_us: 0,
-            errors: 0,
-            off_until_us: 0,
-        };
         Self {
             now_us: 0,
-            slots: stations.into_iter().map(slot).collect(),
+            members: stations.len(),
+            slots: stations.into_iter().map(Slot::new).collect(),
             host: None,
             medium: Box::new(Clean),
             flight: None,
@@ -174,9 +221,38 @@ impl<S: Station> Bus<S> {
     }
 
     fn break_frame_of(&mut self, sender: Sender) {
-        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.sender == sender) {
+        let Some(flight) = &mut self.flight else { return };
+        // The frame goes on if another station sends the same.
+        flight.twins.retain(|&twin| sender != Sender::Station(twin));
+        if flight.sender == sender {
             flight.fate = Fate::Corrupted { at_bit: 0 };
         }
+    }
+
+    /// Plugs in a station that is none of [`Self::stations`], such as a spare board. It receives and sends like the others.
+    pub fn plug_guest(&mut self, station: S) {
+        self.slots.push(Slot::new(station));
+    }
+
+    /// Unplugs the guest that has been there longest.
+    pub fn unplug_guest(&mut self) -> Option<S> {
+        let first = self.members;
+        if first >= self.slots.len() {
+            return None;
+        }
+        // The places of the guests behind it change: what they send now is sent again.
+        (first..self.slots.len()).for_each(|guest| self.break_frame_of(Sender::Station(guest)));
+        if let Some(flight) = &mut self.flight
+            && matches!(flight.sender, Sender::Station(sender) if sender >= first)
+        {
+            flight.sender = Sender::Gone;
+        }
+        Some(self.slots.remove(first).station)
+    }
+
+    /// The guests, the first one first.
+    pub fn guests(&self) -> impl Iterator<Item = &S> {
+        self.slots.iter().skip(self.members).map(|slot| &slot.station)
     }
 
     /// Replaces the cable model.
@@ -240,9 +316,9 @@ impl<S: Station> Bus<S> {
         &self.stats
     }
 
-    /// The stations, in the order they were given.
+    /// The stations, in the order they were given, without guests.
     pub fn stations(&self) -> impl Iterator<Item = &S> {
-        self.slots.iter().map(|slot| &slot.station)
+        self.slots.iter().take(self.members).map(|slot| &slot.station)
     }
 
     /// A station by its index.
@@ -359,7 +435,7 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// Arbitration. Two stations share an identifier only by mistake; then the first one wins.
+    /// Arbitration: the lowest identifier, and of stations that share it the first one.
     fn winner(&self) -> Option<(Sender, Frame)> {
         let now_us = self.now_us;
         let host =
@@ -371,26 +447,81 @@ impl<S: Station> Bus<S> {
         if connected.clone().count() + others < 2 {
             return None;
         }
-        let lowest = |(index, slot): (usize, &Slot<S>)| {
-            let frame = slot.station.pending().iter().min_by_key(|frame| frame.raw_id())?;
-            Some((Sender::Station(index), *frame))
-        };
         let free = connected.filter(|(_, slot)| slot.held_until_us <= now_us);
-        let all = host.into_iter().chain(free.filter_map(lowest)).chain(stranger);
+        let offers = free.filter_map(|(index, slot)| Some((Sender::Station(index), *slot.offer()?)));
+        let all = host.into_iter().chain(offers).chain(stranger);
         all.min_by_key(|(_, frame)| frame.raw_id())
     }
 
     fn begin(&mut self) {
-        let Some((sender, frame)) = self.winner() else { return };
+        let Some((mut sender, mut frame)) = self.winner() else { return };
+        let (mut twins, mut conflict) = (Vec::new(), None);
+        if let Sender::Station(first) = sender {
+            let rivals = self.rivals(first, &frame);
+            if !rivals.is_empty() {
+                (twins, conflict) = self.collide(first, rivals);
+                let first = twins.remove(0);
+                sender = Sender::Station(first);
+                frame = self.slots.get(first).and_then(Slot::offer).copied().unwrap_or(frame);
+            }
+        }
         let bits = length::bits(&frame);
         let fate = self.medium.fate(&frame, bits, self.now_us);
+        let fate = match conflict {
+            Some(at_bit) => Fate::Corrupted { at_bit },
+            None => fate,
+        };
         let len = match fate {
             Fate::Delivered => bits,
             Fate::Duplicated => bits + ERROR_FRAME,
             Fate::Corrupted { at_bit } => at_bit.min(bits) + ERROR_FRAME,
         };
         let end_us = self.now_us + len;
-        self.flight = Some(Flight { frame, sender, begin_us: self.now_us, end_us, fate });
+        self.flight = Some(Flight { frame, sender, twins, begin_us: self.now_us, end_us, fate });
+    }
+
+    /// The stations behind `first` that begin to send a frame of the same identifier now.
+    fn rivals(&self, first: usize, frame: &Frame) -> Vec<usize> {
+        let behind = self.slots.iter().enumerate().skip(first + 1);
+        let is_rival = |slot: &Slot<S>| {
+            slot.may_send(self.now_us) && slot.offer().is_some_and(|offer| offer.raw_id() == frame.raw_id())
+        };
+        behind.filter(|(_, slot)| is_rival(slot)).map(|(index, _)| index).collect()
+    }
+
+    /// Stations send one identifier at once. Returns those that go on to send, all the same frame, or, if one of them destroys it, all, and the number of the
+    /// bit at which it does.
+    fn collide(&mut self, first: usize, rivals: Vec<usize>) -> (Vec<usize>, Option<u64>) {
+        let now_us = self.now_us;
+        let mut senders = rivals;
+        senders.insert(0, first);
+        loop {
+            let frame =
+                |index: usize| self.slots.get(index).and_then(Slot::offer).copied().unwrap_or(Frame::EMPTY);
+            let model = frame(senders[0]);
+            let apart = |index: usize| length::difference(&model, &frame(index));
+            let Some((at_bit, model_is_recessive)) = senders.iter().filter_map(|&index| apart(index)).min()
+            else {
+                return (senders, None);
+            };
+            // Those that differ from the model there have the other level.
+            let is_recessive = |index: usize| match apart(index) {
+                Some((at, _)) if at == at_bit => !model_is_recessive,
+                _ => model_is_recessive,
+            };
+            let (losing, going_on): (Vec<usize>, Vec<usize>) =
+                senders.iter().partition(|&&index| is_recessive(index));
+            self.stats.conflicts += 1;
+            if losing.iter().any(|&index| self.slots.get(index).is_some_and(|slot| !slot.is_passive())) {
+                return (senders, Some(at_bit));
+            }
+            for index in losing {
+                if let Some(slot) = self.slots.get_mut(index) {
+                    self.stats.bus_offs += u64::from(slot.fail(now_us));
+                }
+            }
+            senders = going_on;
+        }
     }
 
     fn finish(&mut self, flight: &Flight) {
@@ -400,11 +531,11 @@ impl<S: Station> Bus<S> {
         if let Fate::Corrupted { .. } = flight.fate {
             self.stats.errors += 1;
             for (index, slot) in self.slots.iter_mut().enumerate() {
-                if slot.is_connected(now_us) {
-                    let sends = flight.sender == Sender::Station(index);
-                    let counts = sends && !slot.station.counts_errors();
-                    self.stats.bus_offs += u64::from(counts && slot.count_error(now_us));
-                    slot.station.error(sends);
+                if !slot.is_connected(now_us) {
+                } else if flight.is_sent_by(index) {
+                    self.stats.bus_offs += u64::from(slot.fail(now_us));
+                } else {
+                    slot.station.error(false);
                 }
             }
             return;
@@ -421,7 +552,7 @@ impl<S: Station> Bus<S> {
             tap.push_back(Stamped { at_us: now_us, frame });
         }
         for (index, slot) in self.slots.iter_mut().enumerate() {
-            if sender == Sender::Station(index) {
+            if flight.is_sent_by(index) {
                 if !twice {
                     slot.errors = slot.errors.saturating_sub(1);
                     slot.station.sent(&frame);

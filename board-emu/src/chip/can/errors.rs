@@ -34,6 +34,10 @@ impl Errors {
         self.transmit > OFF
     }
 
+    pub(super) const fn is_passive(&self) -> bool {
+        self.transmit > PASSIVE || self.receive > PASSIVE
+    }
+
     pub(super) fn transmit(&mut self) -> u32 {
         self.count(STUFF, |errors| errors.transmit += 8)
     }

@@ -30,6 +30,31 @@ pub fn bits(frame: &Frame) -> u64 {
     head.count + UNSTUFFED
 }
 
+/// The first bit in which two frames of one identifier differ, counted from the start of frame with stuff bits, and whether that of the first frame is
+/// recessive; `None` if they are equal.
+#[must_use]
+pub fn difference(one: &Frame, other: &Frame) -> Option<(u64, bool)> {
+    let fields = |frame: &Frame| {
+        let len = u16::try_from(frame.data().len()).unwrap_or(0);
+        let bytes: Vec<u16> = frame.data().iter().map(|byte| u16::from(*byte)).collect();
+        // Remote, extended and reserved bit, then the length.
+        std::iter::once((len, 3 + 4)).chain(bytes.into_iter().map(|byte| (byte, 8)))
+    };
+    let mut head = Bits::default();
+    head.push(0, 1);
+    head.push(one.raw_id(), 11);
+    for ((value, len), (other, _)) in fields(one).zip(fields(other)) {
+        let differing = value ^ other;
+        if differing != 0 {
+            let below = differing.ilog2();
+            head.push(value >> below >> 1, len - 1 - below);
+            return Some((head.count + 1, value >> below & 1 == 1));
+        }
+        head.push(value, len);
+    }
+    None
+}
+
 #[derive(Default)]
 struct Bits {
     /// Includes stuff bits.
@@ -124,6 +149,22 @@ mod tests {
             }
         }
         assert!(longest > 108 + 16, "{longest}: 16 and more are easily had");
+    }
+
+    #[test]
+    fn first_difference_is_counted_with_its_stuff_bits() {
+        // 0x555 and a length of 1: 1 + 11 + 7 bits precede the byte, and a stuffed one after the first five of six zeros.
+        let apart = |one: &[u8], other: &[u8]| difference(&frame(0x555, one), &frame(0x555, other));
+        assert_eq!(apart(&[0b0101_0101], &[0b0101_0101]), None);
+        assert_eq!(apart(&[0b0101_0101], &[0b0111_0101]), Some((20 + 3, false)));
+        assert_eq!(apart(&[0b0111_0101], &[0b0101_0101]), Some((20 + 3, true)));
+        assert_eq!(
+            apart(&[0x55, 0x55], &[0x55]),
+            Some((12 + 3 + 2 + 1 + 1, true)),
+            "0010 and 0001, behind five zeros"
+        );
+        // Another stuffed one after five zeros of the byte.
+        assert_eq!(apart(&[0b1000_0000], &[0b1000_0001]), Some((20 + 7 + 1 + 1, false)));
     }
 
     proptest! {

@@ -46,6 +46,11 @@ pub trait Station {
         false
     }
 
+    /// Whether a station that counts errors itself is error passive: its error flag disturbs no other frame.
+    fn is_error_passive(&self) -> bool {
+        false
+    }
+
     /// A frame that it was sending or receiving was corrupted.
     fn error(&mut self, sending: bool) {
         let _ = sending;

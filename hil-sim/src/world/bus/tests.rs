@@ -129,6 +129,71 @@ fn equal_identifiers_send_the_first_mailbox_first() {
     assert_eq!(order, [3, 1, 2]);
 }
 
+/// Two stations that send these at the same time.
+fn twins(one: &[Frame], other: &[Frame]) -> Bus<Toy> {
+    let mut bus = bus(1..=2);
+    for (index, frames) in [one, other].into_iter().enumerate() {
+        bus.station_mut(index).expect("there").mailboxes = frames.to_vec();
+    }
+    bus
+}
+
+#[test]
+fn equal_frames_of_two_stations_are_one_frame() {
+    let same = frame(0x426, &[0x85, 0, 2, 0]);
+    let mut bus = twins(&[same], &[same]);
+    bus.run_until(10_000);
+    assert_eq!(std::iter::from_fn(|| bus.receive()).map(|s| s.frame).collect::<Vec<_>>(), [same]);
+    assert!(bus.stations().all(|toy| toy.mailboxes.is_empty()), "both have sent it");
+    assert_eq!((bus.stats().frames, bus.stats().errors, bus.stats().conflicts), (1, 0, 0));
+    // A cut cable does not break what the other one sends as well.
+    let mut bus = twins(&[same], &[same]);
+    bus.run_until(20);
+    bus.cut(1, true);
+    bus.run_until(10_000);
+    assert_eq!((bus.stats().frames, bus.stats().errors), (1, 0));
+}
+
+#[test]
+fn different_frames_of_one_identifier_destroy_each_other_until_their_senders_are_error_passive() {
+    let (low, high) = (frame(0x426, &[0x85, 0, 0, 0]), frame(0x426, &[0x85, 0, 2, 0]));
+    let mut bus = twins(&[high], &[low]);
+    let received: Vec<Stamped> = std::iter::from_fn(|| bus.wait(10_000)).collect();
+    // The dominant bit survives first.
+    assert_eq!(received.iter().map(|s| s.frame).collect::<Vec<_>>(), [low, high]);
+    // 16 errors of 8 make 128.
+    assert_eq!((bus.stats().errors, bus.stats().conflicts, bus.stats().bus_offs), (16, 17, 0));
+    let (at_bit, _) = length::difference(&low, &high).expect("they differ");
+    assert_eq!(received[0].at_us, 16 * (at_bit + ERROR_FRAME + INTERMISSION) + bits(&low));
+}
+
+#[test]
+fn two_stations_of_one_identifier_go_bus_off_now_and_then_and_lose_nothing() {
+    let answers = |value: u8| vec![frame(0x426, &[0x85, 0, value, 0]); 200];
+    let mut bus = twins(&answers(0), &answers(2));
+    let received = received(&mut bus, 1_000_000);
+    assert_eq!(received.len(), 400);
+    assert!(bus.stats().bus_offs > 0, "{:?}", bus.stats());
+    assert_eq!(bus.stats().frames, 400);
+}
+
+#[test]
+fn guest_answers_beside_the_stations_until_it_is_unplugged() {
+    let mut bus = bus(1..=2);
+    bus.plug_guest(Toy { node: 2, ..Toy::default() });
+    bus.send(frame(2, &[5])).expect("plugged");
+    bus.run_until(10_000);
+    assert_eq!((bus.stations().count(), bus.guests().count()), (2, 1));
+    assert!(bus.guests().all(|toy| toy.heard.len() == 1 && toy.mailboxes.is_empty()));
+    // In the middle of its frame.
+    bus.station_mut(2).expect("the guest").mailboxes.push(frame(0x446, &[1]));
+    bus.run_until(10_020);
+    assert!(bus.unplug_guest().is_some() && bus.unplug_guest().is_none());
+    bus.run_until(20_000);
+    assert_eq!((bus.stats().errors, bus.guests().count()), (1, 0));
+    assert_eq!(std::iter::from_fn(|| bus.receive()).count(), 1, "both gave the same answer");
+}
+
 #[test]
 fn stalled_station_keeps_two_frames_and_the_newest_and_still_transmits() {
     let mut bus = bus(1..=2);
