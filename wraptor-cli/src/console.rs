@@ -217,11 +217,11 @@ fn text(frame: &Frame) -> String {
     }
 }
 
-/// What the hand's number does not tell: the value and its range, or which boards sleep.
+/// What the hand's number does not tell: the value and its range, or which boards sleep, are silent or have one number.
 fn explained(hand: &mut Hand, line: &str, error: CallError) -> Trouble {
     let hint = match &error.failure {
         Failure::Status(status) if status.has(Status::INVALID_VALUE) => tables::range(line),
-        Failure::Status(status) if status.has(Status::NO_BOARD) => asleep(hand),
+        Failure::Status(status) if status.has(Status::NO_BOARD) => asleep(hand).or_else(|| missing(hand)),
         _ => None,
     };
     match hint {
@@ -236,6 +236,18 @@ fn asleep(hand: &mut Hand) -> Option<String> {
     let states = hand.boards(CONNECT).ok()?;
     let nodes = nodes_in(&states, BoardState::Asleep);
     (!nodes.is_empty()).then(|| format!("boards {nodes} are asleep\n  next: WAKE"))
+}
+
+/// Names boards that do not answer, and two with one number, as the hand's ERR 1 does: `motor 2: ...`, and a next step indented behind it.
+fn missing(hand: &mut Hand) -> Option<String> {
+    let lines = hand.command("ERR 1", CONNECT).ok()?;
+    // The first one is the meaning of the number.
+    let named = lines.iter().skip(1).map(|line| match line.strip_prefix("  ") {
+        Some(step) => format!("  next: {step}"),
+        None => line.clone(),
+    });
+    let named: Vec<String> = named.collect();
+    (!named.is_empty()).then(|| named.join("\n"))
 }
 
 fn nodes_in(states: &[BoardState; 7], state: BoardState) -> String {

@@ -65,6 +65,8 @@ pub enum Cause {
     Asleep(Vec<Node>),
     /// These motor boards do not answer, and others do.
     WithoutPower(Vec<Node>),
+    /// Two boards each have these numbers: both obey, and their answers collide.
+    TwoBoards(Vec<Node>),
     /// No motor board answers: no node acknowledges a frame.
     BusNotAcknowledged,
     /// The adapter refuses a command, such as the bit rate. Holds the command.
@@ -111,6 +113,9 @@ impl Cause {
             Self::WithoutPower(_) => {
                 "check the supply and the CAN cable of these boards; Boards::Any connects without them"
             }
+            Self::TwoBoards(_) => {
+                "unplug one, or give both the number of their straps: docs/hand.md, Two boards with one number; Boards::Any connects, and ERR 1 names them"
+            }
             Self::BusNotAcknowledged => {
                 "check the hand's motor supply, the CAN cable, its termination and the bit rate of 1 Mbit/s"
             }
@@ -149,6 +154,7 @@ impl fmt::Display for Cause {
             }
             Self::Asleep(nodes) => write!(f, "asleep: {}", Nodes(nodes)),
             Self::WithoutPower(nodes) => write!(f, "without power or off the bus: {}", Nodes(nodes)),
+            Self::TwoBoards(nodes) => write!(f, "two boards with one number: {}", Nodes(nodes)),
             Self::BusNotAcknowledged => write!(f, "no motor board acknowledges a frame"),
             Self::Refused(command) => write!(f, "the adapter refuses {command}"),
             Self::System(why) => write!(f, "the system refuses: {why}"),
@@ -235,7 +241,7 @@ impl Failure {
             Self::Status(status) if status.has(Status::NOT_INITIALIZED) => "call init (HI)".to_owned(),
             Self::Status(status) if status.has(Status::FAULT) => "read the boards' ERROR (1234567 G ERROR), then wake them (WAKE)".to_owned(),
             Self::Status(status) if status.has(Status::NO_BOARD) => {
-                "wake the boards (WAKE); if it comes back, check their power and CAN cable".to_owned()
+                "wake the boards (WAKE); if it comes back, type ERR 1, which names them, and check their power and CAN cable".to_owned()
             }
             Self::Status(_) => "correct the cause named above, and call again".to_owned(),
             Self::Silent(_) => "check the boards' power, the CAN cable and other hosts on the bus".to_owned(),

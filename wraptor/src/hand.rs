@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use god::Status;
 use god::boards::parse_report;
 use god::motors::Prefix;
 use god::parameter;
@@ -279,6 +280,26 @@ impl Hand {
             place.into_iter().for_each(|place| *place = state);
         }
         Ok(states)
+    }
+
+    /// The numbers that two boards have: ERR 1 of boards that answer. `ERR 1` of the hand's language names them.
+    ///
+    /// # Errors
+    /// Those of every call.
+    pub fn doubled(&mut self, limit: Duration) -> Result<Vec<Node>, CallError> {
+        let deadline = Deadline::after(limit);
+        let mut ask = |nodes: &str| {
+            let line = format!("{nodes} G STAT");
+            let answer = self.session.ask(&line, deadline.remaining(), &mut |_| ControlFlow::Continue(()))?;
+            Ok((values(&answer.lines, Property::STAT), answer.status.has(Status::NO_BOARD)))
+        };
+        let (answers, is_missing) = ask(NODES)?;
+        let mut doubled = Vec::new();
+        for (node, _) in answers.into_iter().filter(|_| is_missing) {
+            let (answers, is_doubled) = ask(&node.number().to_string())?;
+            doubled.extend((is_doubled && !answers.is_empty()).then_some(node));
+        }
+        Ok(doubled)
     }
 
     /// The latched faults of motor boards.

@@ -163,6 +163,19 @@ fn other_firmware_and_missing_boards_are_named() {
     let without_4 =
         scripted(&[("VERS", "600"), (STATS, "1 STAT=2|2 STAT=2|3 STAT=2|5 STAT=2|6 STAT=2|7 STAT=2|ERR 1")]);
     assert_eq!(cause(Hand::connect(&without_4, HANGS)), Cause::WithoutPower(nodes(&[4])));
+    let doubled = scripted(&[
+        ("VERS", "600"),
+        (STATS, "1 STAT=2|2 STAT=2|3 STAT=2|4 STAT=2|5 STAT=2|6 STAT=2|7 STAT=2|ERR 1"),
+        ("2 G STAT", "2 STAT=2|ERR 1"),
+    ]);
+    assert_eq!(cause(Hand::connect(&doubled, HANGS)), Cause::TwoBoards(nodes(&[2])));
+    // A board with the number of another: its own is silent.
+    let moved = scripted(&[
+        ("VERS", "600"),
+        (STATS, "1 STAT=2|2 STAT=2|4 STAT=2|5 STAT=2|6 STAT=2|7 STAT=2|ERR 1"),
+        ("2 G STAT", "2 STAT=2|ERR 1"),
+    ]);
+    assert_eq!(cause(Hand::connect(&moved, HANGS)), Cause::TwoBoards(nodes(&[2])));
     let none = scripted(&[("VERS", "600"), (STATS, "ERR 1")]);
     assert_eq!(cause(Hand::connect(&none, HANGS)), Cause::BusNotAcknowledged);
     let no_version = scripted(&[("VERS", "ERR 32")]);

@@ -227,7 +227,9 @@ fn prepare(hand: &mut Hand, boards: Boards, deadline: &Deadline) -> Result<(), C
         }
     }
     let states = hand.boards(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
-    of_states(&states)
+    // Before the silent ones: a board with a wrong number is both.
+    let doubled = hand.doubled(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
+    if doubled.is_empty() { of_states(&states) } else { Err(Cause::TwoBoards(doubled)) }
 }
 
 /// The first cause among the boards' states, if any.
