@@ -15,6 +15,7 @@ mod packets;
 mod program;
 mod prompt;
 mod realtime;
+mod same_number;
 mod sequences;
 mod settings;
 mod state;

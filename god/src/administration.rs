@@ -5,7 +5,9 @@ use core::fmt::Write;
 use crate::command::{self, Category, GclCommand, ROWS};
 use crate::god::{God, Text, VERSION};
 use crate::grammar::{Arguments, lower};
+use crate::motors::Motors;
 use crate::status::{self, Status};
+use tater_wire::Property;
 
 const CATEGORIES: [(Category, &str); 6] = [
     (Category::Movement, "Movement"),
@@ -78,6 +80,9 @@ async fn errors(god: &God<'_>, number: Option<i64>) -> Status {
         match row {
             Some(row) if number.is_none() || Status::of(sum).has(code) => {
                 god.print_line(format_args!("{} {}", code.code(), row.meaning)).await;
+                if number.is_some() && code == Status::NO_BOARD {
+                    name_boards(god).await;
+                }
             }
             None if number.is_some() && Status::of(sum).has(code) => {
                 god.print_line(format_args!("{} (not used)", code.code())).await;
@@ -87,6 +92,29 @@ async fn errors(god: &God<'_>, number: Option<i64>) -> Status {
     }
     Status::OK
 }
+
+/// Prints the motors that are ERR 1 now: whose board does not answer, and whose number two boards have.
+async fn name_boards(god: &God<'_>) {
+    let answering = god.boards.get(Motors::ALL, Property::STAT).await.motors();
+    for motor in Motors::ALL.difference(answering).iter() {
+        god.print_line(format_args!(
+            "motor {}: no answer. Check its power and its CAN cable",
+            motor.number()
+        ))
+        .await;
+    }
+    let (first, second) = god.boards.find_doubled(answering).await;
+    for motor in second.motors().iter() {
+        let [one, other] = [first, second].map(|numbers| numbers.get(motor).unwrap_or(0));
+        let (low, high) = (one.min(other), one.max(other));
+        god.print_line(format_args!("motor {}: two boards, SN {low} and SN {high}", motor.number())).await;
+        god.print_line(format_args!("{WAY_OUT}")).await;
+    }
+}
+
+/// The next step of two boards with one number (docs/hand.md).
+const WAY_OUT: &str =
+    "  Unplug one, or give both the number of their straps: docs/hand.md, Two boards with one number";
 
 #[cfg(test)]
 mod tests {
@@ -104,6 +132,7 @@ mod tests {
             let len = row.name.len() + row.arguments.len() + row.help.len() + 3;
             assert!(len <= io::TEXT - 3, "{}: {len}", row.name);
         }
+        assert!(WAY_OUT.len() <= io::TEXT - 3);
         for row in lower::ROWS {
             assert!(row.line.len() + row.help.len() + 2 <= io::TEXT - 3, "{}", row.name);
         }

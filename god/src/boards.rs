@@ -1,6 +1,9 @@
 //! The link to the motor boards: questions with their answers, orders, and what boards report unasked.
 //!
 //! Every wait ends: a question is asked up to three times with 60 ms each, and once only while the bus is down.
+//!
+//! **Two boards with one number** both obey its orders and answer its questions (decision 0078). The first answer counts. A second one with another
+//! value makes the number suspect, and the serial numbers of its boards decide: [`Boards::find_doubled`].
 
 use core::cell::{Cell, RefCell};
 
@@ -23,6 +26,10 @@ const WAKE_POLL_US: u64 = 20_000;
 
 /// Time that a board needs to write a SAVE, µs: it erases up to two pages, 40 ms each, and writes a record.
 const STORE_US: u64 = 100_000;
+
+/// Time in which a second board's answer follows the first one, µs: 16 times a frame of 52 bits, its error frame of 20 and 3 bits between for each of
+/// seven numbers, until both boards are error passive (ISO 11898-1), and their frames. One that erases a page comes too late, and is found the next time.
+const SECOND_US: u64 = 10_000;
 
 /// LFLAGS: report ends of motions and breakaways.
 pub(crate) const REPORTS: i64 = 3;
@@ -153,6 +160,8 @@ struct Board {
     ahead: Ahead<Option<i64>>,
     /// The last answers of all.
     latest: Ahead<Option<i64>>,
+    /// The last answer to a question of [`Boards::get`], until the next question.
+    answered: Option<(Property, i64)>,
     /// Since when [`Boards::ask_latest`] has waited for an answer, µs.
     asked_us: Ahead<Option<u64>>,
     received_us: u64,
@@ -164,13 +173,18 @@ pub struct Boards<'a> {
     io: &'a Io,
     boards: RefCell<[Board; COUNT]>,
     asked_us: Cell<u64>,
+    /// Motors whose number may have two boards: see [`Self::find_doubled`].
+    suspects: Cell<Motors>,
 }
+
+/// The serial numbers of two boards with one number.
+pub type Doubles = (Answers, Answers);
 
 impl<'a> Boards<'a> {
     /// The boards of a bus.
     #[must_use]
     pub fn new(io: &'a Io) -> Self {
-        Self { io, boards: RefCell::default(), asked_us: Cell::new(0) }
+        Self { io, boards: RefCell::default(), asked_us: Cell::new(0), suspects: Cell::new(Motors::NONE) }
     }
 
     /// Asks for a property and waits. Boards that do not answer in time have no value. Of MODE and END a board may send two values meanwhile,
@@ -193,6 +207,7 @@ impl<'a> Boards<'a> {
                     {
                         self.log_answer(motor, property, value);
                         answers.set(motor, value);
+                        self.expect_no_other(motor, Some((property, value)));
                     }
                     _ => self.note(&frame),
                 }
@@ -210,7 +225,52 @@ impl<'a> Boards<'a> {
     /// Asks for a property and does not wait: [`Self::take_reported`] has the answers.
     pub async fn ask(&self, motors: Motors, property: Property) {
         for motor in motors.iter() {
+            self.expect_no_other(motor, None);
             self.send(Message::get(Destination::Node(motor.node()), property)).await;
+        }
+    }
+
+    /// The motors whose number two boards have, by their serial numbers: the first and the second one. Boards with the same serial number are not told apart.
+    pub async fn find_doubled(&self, motors: Motors) -> Doubles {
+        self.drain();
+        self.ask(motors, Property::SN).await;
+        let (mut first, mut second) = (Answers::default(), Answers::default());
+        let mut deadline = self.io.after_us(self.answer_us());
+        while let Some(frame) = self.io.receive(deadline).await {
+            match parse_report(&frame) {
+                Some((motor, Property::SN, value)) if motors.has(motor) => match first.get(motor) {
+                    None => {
+                        first.set(motor, value);
+                        if first.motors() == motors {
+                            deadline = self.io.after_us(SECOND_US.saturating_add(self.io.link_us()));
+                        }
+                    }
+                    Some(known) if known != value => second.set(motor, value),
+                    Some(_) => {}
+                },
+                _ => self.note(&frame),
+            }
+        }
+        let doubled = second.motors();
+        for motor in doubled.iter() {
+            self.io.record(EventKind::Doubled { motor });
+        }
+        self.suspects.set(self.suspects.get().difference(motors).union(doubled));
+        (Answers::from_fn(doubled, |motor| first.get(motor)), second)
+    }
+
+    /// The motors whose number has two boards, or may have: boards have answered one question with two values.
+    pub(crate) fn suspects(&self) -> Motors {
+        self.drain();
+        self.suspects.get()
+    }
+
+    /// Notes an answer that is the only one to its question, or that a question is asked.
+    fn expect_no_other(&self, motor: Motor, answer: Option<(Property, i64)>) {
+        // A report of MODE and END may follow the answer.
+        let answer = answer.filter(|(property, _)| !matches!(property, Property::MODE | Property::END));
+        if let Some(board) = self.boards.borrow_mut().get_mut(motor.index()) {
+            board.answered = answer;
         }
     }
 
@@ -244,7 +304,9 @@ impl<'a> Boards<'a> {
     /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.
     pub async fn ask_ahead(&self, motors: Motors, wanted: Ahead<bool>) {
         self.drain();
-        self.boards.borrow_mut().iter_mut().for_each(|board| board.ahead = Ahead::default());
+        for board in self.boards.borrow_mut().iter_mut() {
+            (board.ahead, board.answered) = (Ahead::default(), None);
+        }
         self.asked_us.set(self.io.now_us());
         if motors == Motors::ALL {
             for property in wanted.properties() {
@@ -397,6 +459,9 @@ impl<'a> Boards<'a> {
         self.log_answer(motor, property, value);
         let mut boards = self.boards.borrow_mut();
         let Some(board) = boards.get_mut(motor.index()) else { return };
+        if board.answered.is_some_and(|(of, answer)| of == property && answer != value) {
+            self.suspects.set(self.suspects.get().union(Motors::only(motor)));
+        }
         if let Some(ahead) = board.ahead.get_mut(property) {
             *ahead = Some(value);
         }
@@ -516,6 +581,40 @@ mod tests {
         let answers = answers.take().expect("both have answered");
         assert_eq!([1, 2].map(|number| answers.get(motor(number))), [Some(5), Some(5)]);
         assert_eq!([1, 2].map(|number| boards.take_reported(motor(number)).mode), [Some(3), None]);
+    }
+
+    #[test]
+    fn second_value_of_a_question_makes_a_number_suspect_and_serial_numbers_decide() {
+        let io = Io::default();
+        let boards = Boards::new(&io);
+        let (one, both) = (Motors::only(motor(1)), Motors::only(motor(1)).union(Motors::only(motor(2))));
+        let answer = |frames: &[Frame]| frames.iter().for_each(|frame| _ = io.push_frame(frame));
+        let ask = |now_us, property, frames: &[Frame]| {
+            let mut question = pin!(boards.get(both, property));
+            io::poll(question.as_mut(), &io, now_us);
+            answer(frames);
+            io::poll(question, &io, now_us + 1);
+            boards.suspects()
+        };
+        let temp = |number, value| report(number, Property::TEMP, value);
+        assert_eq!(ask(0, Property::TEMP, &[temp(1, 350), temp(2, 340), temp(2, 340)]), Motors::NONE);
+        assert_eq!(ask(10, Property::TEMP, &[temp(1, 350), temp(1, 351), temp(2, 340)]), one);
+        let identify = |now_us, frames: &[Frame]| {
+            let found = Cell::new(None);
+            let mut question = pin!(async { found.set(Some(boards.find_doubled(both).await)) });
+            io::poll(question.as_mut(), &io, now_us);
+            answer(frames);
+            io::poll(question.as_mut(), &io, now_us + 1);
+            io::poll(question, &io, now_us + 1 + SECOND_US);
+            found.take().expect("it ends")
+        };
+        let sn = |number, value| report(number, Property::SN, value);
+        let (first, second) = identify(20_000, &[sn(2, 8), sn(1, 7), sn(2, 9), sn(1, 7)]);
+        assert_eq!((second.motors(), first.motors()), (Motors::only(motor(2)), Motors::only(motor(2))));
+        assert_eq!((first.get(motor(2)), second.get(motor(2))), (Some(8), Some(9)));
+        assert_eq!(boards.suspects(), Motors::only(motor(2)), "1 is cleared");
+        identify(60_000, &[sn(1, 7), sn(2, 9)]);
+        assert_eq!(boards.suspects(), Motors::NONE, "one of the two was unplugged");
     }
 
     #[test]

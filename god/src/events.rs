@@ -72,6 +72,11 @@ pub enum EventKind {
         /// The property that was asked for.
         property: Property,
     },
+    /// Two boards have this motor's number.
+    Doubled {
+        /// The motor.
+        motor: Motor,
+    },
     /// The bus took no frame for [`SEND_US`](crate::io::SEND_US); all queued frames were dropped.
     BusDown,
     /// A frame came in after [`EventKind::BusDown`].
@@ -123,6 +128,7 @@ impl core::fmt::Display for EventKind {
             Self::NoAnswer { motor, property } => {
                 write!(f, "motor {}: no answer to GET {}", motor.number(), property.row().name)
             }
+            Self::Doubled { motor } => write!(f, "motor {}: two boards have its number", motor.number()),
             Self::BusDown => f.write_str("bus down: it takes no frames"),
             Self::BusUp => f.write_str("bus up"),
             Self::Aborted => f.write_str("aborted by ^C or hang-up"),
@@ -158,6 +164,7 @@ mod tests {
             (EventKind::Mode { motor, mode: 3 }, "motor 4: MODE 3"),
             (EventKind::Ended { motor, end: 2 }, "motor 4: END 2"),
             (EventKind::NoAnswer { motor, property: Property::P }, "motor 4: no answer to GET P"),
+            (EventKind::Doubled { motor }, "motor 4: two boards have its number"),
             (EventKind::BusDown, "bus down: it takes no frames"),
             (EventKind::BusUp, "bus up"),
             (EventKind::Aborted, "aborted by ^C or hang-up"),

@@ -4,7 +4,7 @@
 //!   exactly the named ones.
 //!   None: ERR 2. WM is for fingers and PTM for tips; other selected motors stand still.
 //! * **Refusals**, where nothing moves: a number that is missing or out of range (128), one too many (1024), a hand hotter than OTEMP (8192), a
-//!   board that does not answer (1), a motor whose position is not known (4; HI finds it). T switches off the motors that it reaches
+//!   board that does not answer, or two that have one number (1), a motor whose position is not known (4; HI finds it). T switches off the motors that it reaches
 //!   nevertheless.
 //! * **Faults** that boards keep from former motions are cleared by the next command that moves their motor: its user has seen what
 //!   stopped the last one. A fault that persists ends the motion at once.
@@ -58,6 +58,10 @@ async fn run(
     }
     if command == GclCommand::T {
         return Ok(terminate(god, motors).await);
+    }
+    if command == GclCommand::Hi {
+        // HI comes before all motions: two boards with one number would each move their motor.
+        god.boards.find_doubled(motors).await;
     }
     order::make_ready(god, motors, command != GclCommand::Hi).await?;
     Ok(match command {

@@ -40,12 +40,22 @@ pub(crate) async fn wake(god: &God<'_>, motors: Motors) -> Result<(), Status> {
     if silent.is_empty() { Ok(()) } else { Err(Status::NO_BOARD) }
 }
 
+/// The motors whose number two boards have. Asks only about suspects, so that a hand whose boards are seven loses no time.
+pub(crate) async fn doubled(god: &God<'_>, motors: Motors) -> Motors {
+    let suspects = god.boards.suspects().intersection(motors);
+    if suspects.is_empty() {
+        return Motors::NONE;
+    }
+    let (_, second) = god.boards.find_doubled(suspects).await;
+    second.motors()
+}
+
 pub(crate) fn is_too_hot(god: &God<'_>) -> bool {
     let limit = god.parameters.borrow().hand.otemp;
     limit != NO_LIMIT && god.io.temperature() > limit
 }
 
-/// Checks that motors can move: the hand is not hotter than OTEMP, their boards answer, and, if they must be `initialized`, know their
+/// Checks that motors can move: the hand is not hotter than OTEMP, one board of each answers, and, if they must be `initialized`, know their
 /// positions. Wakes those that sleep.
 ///
 /// # Errors
@@ -57,10 +67,11 @@ pub(crate) async fn check_ready(god: &God<'_>, motors: Motors, initialized: bool
     }
     let awake = god.boards.wake(motors).await;
     let halls = if initialized { god.boards.get(awake, Property::HALLH).await } else { Answers::default() };
+    let doubled = doubled(god, awake).await;
     let mut sum = Status::OK;
     for motor in motors.iter() {
         let status = match halls.get(motor) {
-            _ if !awake.has(motor) => Status::NO_BOARD,
+            _ if !awake.has(motor) || doubled.has(motor) => Status::NO_BOARD,
             None if initialized => Status::NO_BOARD,
             Some(bits) if bits & POSITION_KNOWN == 0 => Status::NOT_INITIALIZED,
             _ => continue,
@@ -157,6 +168,7 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
 pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
     let halls = god.boards.get(motors, Property::HALLH).await;
     let errors = god.boards.get(halls.motors(), Property::ERROR).await;
+    let doubled = doubled(god, halls.motors()).await;
     let is_hot = is_too_hot(god);
     Answers::from_fn(motors, |motor| {
         let mut status = god.session.result(motor).of_motion();
@@ -164,6 +176,9 @@ pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
             return Some((status | Status::NO_BOARD).code().into());
         };
         let fault = FaultCode::of(error);
+        if doubled.has(motor) {
+            status |= Status::NO_BOARD;
+        }
         if halls & POSITION_KNOWN == 0 {
             status |= Status::NOT_INITIALIZED;
         }

@@ -32,7 +32,7 @@ pub struct StatusSpec {
 }
 
 table! {
-    NO_BOARD = 1, "a motor's board does not answer";
+    NO_BOARD = 1, "a motor's board does not answer, or two have its number: ERR 1 names them";
     NO_MOTOR = 2, "no motor is selected";
     NOT_INITIALIZED = 4, "a motor does not know where it is: HI finds out";
     FAULT = 8, "a fault has stopped a motor: G ERROR tells which";

@@ -1,7 +1,8 @@
 //! Executes the lower grammar ([`lower`](crate::grammar::lower), decision 0029).
 //!
 //! A SET goes to the boards unchanged and is not verified, but a board that sleeps or does not answer is
-//! ERR 1 (SET STAT wakes one); a GET prints a line for each board, `1 TEMP=350`. A motor that this grammar has set going reports its end:
+//! ERR 1 (SET STAT wakes one); a GET prints a line for each board, `1 TEMP=350`. GET STAT and WAKE look for two boards with one number, which are ERR 1 as well: only
+//! one answer is printed, and `ERR 1` names them. A motor that this grammar has set going reports its end:
 //! `4 MODE=3`, between two lines of the host, while nothing is typed. ^C stops it.
 //!
 //! Node 0 is GOD. It has one property, REPLY, 0 after the start: with `0 S REPLY 1` answers and ends of motions are packets instead of lines
@@ -103,14 +104,19 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     for motor in values.motors().iter() {
         packets::reply(god, motor, property, values.get(motor).unwrap_or(0)).await;
     }
-    if motors.difference(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
+    let doubled = match property {
+        Property::STAT => god.boards.find_doubled(values.motors()).await.1.motors(),
+        _ => query::doubled(god, values.motors()).await,
+    };
+    if doubled.is_empty() && values.motors() == motors { Status::OK } else { Status::NO_BOARD }
 }
 
 async fn wake(god: &God<'_>) -> Status {
     let awake = god.boards.wake(Motors::ALL).await;
     // Boards that another host has woken may speak that host's units.
     god.boards.set_own_units(awake).await;
-    if awake == Motors::ALL { Status::OK } else { Status::NO_BOARD }
+    let (_, doubled) = god.boards.find_doubled(awake).await;
+    if awake == Motors::ALL && doubled.motors().is_empty() { Status::OK } else { Status::NO_BOARD }
 }
 
 /// SAVE (manual 3, step 17): switches motors off, because only the position of a motor at rest can be trusted; then each board saves its

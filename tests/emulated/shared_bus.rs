@@ -1,6 +1,7 @@
 //! What boards share, on the image: the supply, and the bus while the flash stalls them.
 
 use board_emu::board::Board;
+use board_emu::chip::uid::Uid;
 use board_emu::session::load;
 use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus, Station};
@@ -77,4 +78,31 @@ fn overrun_loses_the_same_frames_on_native_and_emulated_boards() {
     let mut board = flashed(&programs, NODE);
     board.power_on();
     assert_eq!(answered(board), native);
+}
+
+/// Two images with one number: equal answers are one frame, different ones collide until both chips are error passive, and then both arrive.
+#[test]
+fn two_emulated_boards_with_one_number_answer_with_both_serial_numbers() {
+    let Some(programs) = production() else { return };
+    let mut boards = vec![flashed(&programs, NODE), flashed(&programs, NODE)];
+    boards[1].machine_mut().chip_mut().uid = Uid([0x0043_1234, 0x3042_3132, 0x2039_3751]);
+    boards.iter_mut().for_each(Board::power_on);
+    let mut bus = Bus::new(boards);
+    bus.plug_host("test", Adapter::default()).expect("the first host");
+    bus.run_until(200_000);
+    let mut answers = |property: Property| -> Vec<i64> {
+        bus.send(Message::get(Destination::Node(id(NODE)), property).frame()).expect("plugged");
+        let deadline = bus.now_us() + 10_000;
+        std::iter::from_fn(|| bus.wait(deadline)).filter_map(|s| answer(&s.frame, NODE, property)).collect()
+    };
+    assert_eq!(answers(Property::STAT), [0], "equal answers are one");
+    let serials = answers(Property::SN);
+    assert!(serials.len() == 2 && serials[0] != serials[1], "{serials:?}");
+    // For ever: both go on to answer, and those that differ are told apart each time.
+    for _ in 0..100 {
+        assert_eq!(answers(Property::SN).len(), 2);
+    }
+    let stats = bus.stats();
+    println!("figure: two emulated boards with one number: {} errors in 101 answers of two", stats.errors);
+    assert!(stats.conflicts >= 101 && stats.errors >= 16, "{stats:?}");
 }

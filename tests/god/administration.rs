@@ -18,7 +18,10 @@ pub const COMMANDS: &[Exchange] = &[
     ("A? HI", "ERR 1024"),
     ("1?", "ERR 4096"),
     ("ERR 0", "0 all went well"),
-    ("ERR 3", "1 a motor's board does not answer\n2 no motor is selected"),
+    (
+        "ERR 3",
+        "1 a motor's board does not answer, or two have its number: ERR 1 names them\n2 no motor is selected",
+    ),
     ("ERR 32768", "32768 (not used)"),
     ("ERR 65536", "ERR 128"),
     ("ERR -1", "ERR 128"),
