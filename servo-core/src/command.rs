@@ -57,8 +57,6 @@ pub enum Command {
     },
     /// HI: seeks the joint's stop, moves IOFF away from it and defines that position as zero.
     Home,
-    /// Ends the motion with END 3; HOLD decides between hold and idle.
-    Abort,
     /// CMD T, terminate power: idle at once, regardless of HOLD.
     Terminate,
     /// Replaces the configuration, also during a motion; ACCEL, MV, MCV and MOV re-plan a move.
@@ -91,7 +89,6 @@ impl Command {
             | Self::TorqueControlled { .. }
             | Self::Home
             | Self::Find
-            | Self::Abort
             | Self::Terminate
             | Self::ClearFault
             | Self::ClearBreakaway => true,
@@ -115,7 +112,6 @@ impl Command {
             | Self::Move(_)
             | Self::TorqueControlled { .. }
             | Self::Home
-            | Self::Abort
             | Self::Terminate
             | Self::Configure(_)
             | Self::ClearFault
@@ -137,7 +133,6 @@ impl Command {
             Self::Velocity(_)
             | Self::Position(_)
             | Self::End(_)
-            | Self::Abort
             | Self::Terminate
             | Self::Configure(_)
             | Self::ClearFault

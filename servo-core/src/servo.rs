@@ -639,7 +639,7 @@ impl Servo {
     #[inline]
     pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
         self.check(&command)?;
-        if command.moves() || matches!(command, Command::Mode(_) | Command::Abort | Command::Terminate) {
+        if command.moves() || matches!(command, Command::Mode(_) | Command::Terminate) {
             self.faults.host_is_back();
         }
         match command {
@@ -662,11 +662,6 @@ impl Servo {
                 self.homed = false;
                 self.faults.clear();
                 self.begin(Goal::Find);
-            }
-            Command::Abort => {
-                if !matches!(self.motion, Motion::Idle) {
-                    self.finish(EndReason::Aborted);
-                }
             }
             Command::Terminate => self.terminate(),
             Command::Configure(config) => self.configure(config),
@@ -1463,7 +1458,7 @@ impl Servo {
             _ => {}
         }
         let holds = match self.motion {
-            Motion::Move { holds: true, .. } if reason != EndReason::Aborted => true,
+            Motion::Move { holds: true, .. } => true,
             _ => self.tuning.config.hold,
         };
         // Every fault idles, and so does any other end with HOLD 0 (manual 5.5).
@@ -1487,10 +1482,6 @@ impl Servo {
             self.observer.forget_load();
         }
         self.motion = match self.motion {
-            // The brake keeps the rest of its release time.
-            Motion::Starting { brake_ms, .. } if brake_ms < self.tuning.config.brake_ms => {
-                Motion::Starting { goal: Goal::Position { at: None, pid: PidState::default() }, brake_ms }
-            }
             Motion::Move { control, .. } if arrived => {
                 Motion::Position(PositionLoop::at_rest(self.cell(), control.pid))
             }

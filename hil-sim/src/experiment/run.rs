@@ -6,12 +6,12 @@ use servo_core::Command;
 use servo_core::mode::Mode;
 use tater_fw::SetError;
 use tater_fw::codes::mode_code;
-use tater_wire::{Cmd, Destination, Message, ModeCode, MotorKind, Property};
+use tater_wire::{Cmd, Destination, Message, MotorKind, Property};
 
 use crate::experiment::events::{self, motor_text, of_board};
 use crate::experiment::metrics::{Meters, Metrics, Value, Window};
 use crate::experiment::properties::PROPERTIES;
-use crate::experiment::scenario::{Action, Case, Scenario, Verdict, motor_name};
+use crate::experiment::scenario::{Action, Case, Order, Scenario, Verdict, motor_name};
 use crate::experiment::trace::Trace;
 use crate::world::board::SimBoard;
 use crate::world::node::{Node, Sample};
@@ -230,8 +230,8 @@ fn observe(node: &Node) -> Sample {
 }
 
 fn apply(action: &Action, node: &mut Node, meters: &mut Meters, last: &Sample, log: &mut Vec<(u32, String)>) {
-    let command = match action {
-        Action::Command(command) => command,
+    let order = match action {
+        Action::Order(order) => order,
         Action::Set(rows) => {
             for (property, value) in rows {
                 // In range: checked when the scenario was parsed.
@@ -242,22 +242,26 @@ fn apply(action: &Action, node: &mut Node, meters: &mut Meters, last: &Sample, l
         Action::Disturbance(n_m) => return node.rig_mut().set_disturbance(*n_m),
         Action::Bus(v) => return node.rig_mut().set_bus(*v),
     };
-    let answer = send_command(command, node);
-    // Events of the motion that the command ended come before those of its own.
+    let answer = send_order(order, node);
+    // Events of the motion that the order ended come before those of its own.
     while let Some(event) = node.event() {
         log.push((last.ms, motor_text(&event)));
         meters.event(&event, last);
     }
-    meters.command(command, answer.is_ok(), last, observe(node).estimated_counts());
+    meters.command(&order.counts_as(), answer.is_ok(), last, observe(node).estimated_counts());
     if let Err(refusal) = answer {
         log.push((last.ms, format!("refused {action}: {refusal:?}")));
     }
 }
 
-fn send_command(command: &Command, node: &mut Node) -> Result<(), SetError> {
+fn send_order(order: &Order, node: &mut Node) -> Result<(), SetError> {
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
-    let status = observe(node).status;
-    let (property, value) = match *command {
+    let command = match *order {
+        Order::Command(command) => command,
+        Order::Abort if observe(node).status.mode == Mode::Idle => return Ok(()),
+        Order::Abort => Command::Mode(if holds(node) { Mode::Pid } else { Mode::Idle }),
+    };
+    let (property, value) = match command {
         Command::Mode(mode) => (Property::MODE, mode_code(mode).into()),
         Command::Torque(torque) => (Property::T, i64::from(torque.0)),
         Command::Velocity(velocity) => (Property::V, i64::from(velocity.round())),
@@ -270,10 +274,6 @@ fn send_command(command: &Command, node: &mut Node) -> Result<(), SetError> {
         Command::Find => (Property::FIND, 1),
         Command::Terminate => cmd(Cmd::T),
         Command::ClearFault => (Property::STAT, 2),
-        // A host that ends a move honors HOLD (manual 5.5 case 3).
-        Command::Abort if status.mode == Mode::Idle => return Ok(()),
-        Command::Abort if holds(node) => (Property::MODE, ModeCode::Pid.into()),
-        Command::Abort => (Property::MODE, ModeCode::Idle.into()),
         // Not available in scenarios.
         Command::Configure(_) | Command::ClearBreakaway | Command::MoveToEnd => {
             return Err(SetError::Unknown);

@@ -47,6 +47,7 @@ mod shipped;
 pub use figures::{FIGURES, Figure};
 pub use shipped::{SHIPPED, Shipped};
 
+use servo_core::mode::Mode;
 use servo_core::{Command, Config};
 use tater_wire::MotorKind;
 
@@ -155,8 +156,8 @@ pub struct Timed {
 /// An action on a motor board.
 #[derive(Clone, Debug)]
 pub enum Action {
-    /// A host's command.
-    Command(Command),
+    /// A host's order.
+    Order(Order),
     /// Properties set by a host.
     Set(Vec<(&'static Property, i64)>),
     /// An external torque on the motor's shaft from now on, N·m, positive closing.
@@ -165,10 +166,39 @@ pub enum Action {
     Bus(f64),
 }
 
+/// A host's order to a motor.
+#[derive(Clone, Copy)]
+pub enum Order {
+    /// A command of the servo.
+    Command(Command),
+    /// Ends the motion, as ^C does: the host sets MODE 3 with HOLD 1, and MODE 0 with HOLD 0 (manual 5.5 case 3).
+    Abort,
+}
+
+impl Order {
+    /// The command as which the metrics count the order. An abort starts no motion, whatever follows it: it counts as MODE 0.
+    pub(super) const fn counts_as(&self) -> Command {
+        match self {
+            Self::Command(command) => *command,
+            Self::Abort => Command::Mode(Mode::Idle),
+        }
+    }
+}
+
+impl std::fmt::Debug for Order {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Command(command) => command.fmt(f),
+            Self::Abort => f.write_str("Abort"),
+        }
+    }
+}
+
 impl std::fmt::Display for Action {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Command(command) => match command {
+            Self::Order(Order::Abort) => f.write_str("abort"),
+            Self::Order(Order::Command(command)) => match command {
                 Command::Mode(mode) => write!(f, "mode {}", metrics::mode_word(*mode)),
                 Command::Torque(torque) => write!(f, "T = {}", torque.0),
                 Command::Velocity(velocity) => write!(f, "V = {}", velocity.round()),
@@ -179,7 +209,6 @@ impl std::fmt::Display for Action {
                 Command::TorqueControlled { closing: false } => f.write_str("TO"),
                 Command::Home => f.write_str("HI"),
                 Command::Find => f.write_str("FIND"),
-                Command::Abort => f.write_str("abort"),
                 Command::Terminate => f.write_str("terminate"),
                 Command::Configure(_) => f.write_str("configure"),
                 Command::ClearFault => f.write_str("clear fault"),

@@ -152,7 +152,7 @@ impl Bench {
     }
 }
 
-fn commands() -> [(Command, &'static str); 18] {
+fn commands() -> [(Command, &'static str); 17] {
     [
         (Command::Mode(Mode::Idle), "MODE 0"),
         (Command::Mode(Mode::Torque), "MODE 2"),
@@ -168,7 +168,6 @@ fn commands() -> [(Command, &'static str); 18] {
         (Command::TorqueControlled { closing: true }, "TC"),
         (Command::Home, "HI"),
         (Command::Terminate, "T (command)"),
-        (Command::Abort, "^C"),
         (Command::Configure(Config { mt: 700, ..Joint::Spread.config() }), "MT"),
         (Command::ClearFault, "STAT 2"),
         (Command::ClearBreakaway, "O"),
@@ -193,7 +192,6 @@ fn every_mode_accepts_or_refuses_every_command() {
                 Command::Move(_) | Command::MoveToEnd => Trap,
                 Command::TorqueControlled { .. } | Command::Home => Vel,
                 Command::Terminate => Idle,
-                Command::Abort if mode != Idle => Pid,
                 _ => mode,
             };
             assert_eq!(bench.servo.telemetry().mode, after, "{name} in {mode:?}");
@@ -259,13 +257,12 @@ fn move_arrives_then_holds_or_idles_by_hold() {
 type Cause = fn(&mut Bench);
 
 /// The ends of a motion.
-const ENDS: [(EndReason, Cause); 6] = [
+const ENDS: [(EndReason, Cause); 5] = [
     (EndReason::Arrived, |_| ()),
     (EndReason::Stalled, |_| ()),
     (EndReason::Strain, |bench| bench.strain = 250),
     (EndReason::Breakaway, |_| ()),
     (EndReason::Fault, |bench| bench.bus = MilliVolts(40_000)),
-    (EndReason::Aborted, |bench| bench.servo.command(Command::Abort).unwrap()),
 ];
 
 /// Orders a move to 60 and brings about its end, once it is under way. Returns the mode after it.
@@ -305,11 +302,7 @@ fn move_ordered_by_mode_5_ends_in_a_hold_and_any_other_as_hold_says() {
                 assert_eq!(mode_after(orders, hold, case), expected, "{orders:?}, HOLD {hold}, {:?}", case.0);
             }
             for orders in [&[mode_5][..], &[end, mode_5], &[mode_5, Command::End(61)]] {
-                let expected = match case.0 {
-                    EndReason::Fault => Mode::Idle,
-                    EndReason::Aborted => as_hold,
-                    _ => Mode::Pid,
-                };
+                let expected = if case.0 == EndReason::Fault { Mode::Idle } else { Mode::Pid };
                 assert_eq!(mode_after(orders, hold, case), expected, "{orders:?}, HOLD {hold}, {:?}", case.0);
             }
         }
@@ -377,7 +370,7 @@ fn torque_control_with_hold_keeps_pressing() {
     let status = bench.servo.telemetry();
     assert_eq!((status.mode, status.end), (Mode::Velocity, Some(EndReason::Stalled)));
     assert_eq!(status.torque, Torque(750));
-    bench.servo.command(Command::Abort).unwrap();
+    bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
     assert_eq!(bench.servo.telemetry().mode, Mode::Pid);
 }
 
@@ -423,17 +416,27 @@ fn position_written_before_mode_3_starts_is_its_setpoint() {
 fn interrupted_move_reports_end_3() {
     let cuts = [
         (Command::Mode(Mode::Idle), Mode::Idle),
+        (Command::Mode(Mode::Pid), Mode::Pid),
         (Command::Terminate, Mode::Idle),
         (Command::Mode(Mode::Velocity), Mode::Velocity),
         (Command::Home, Mode::Velocity),
     ];
     for (cut, mode) in cuts {
-        let mut bench = Bench::new(Joint::Spread);
-        bench.servo.command(Command::Move(60)).unwrap();
-        bench.follow(100);
-        bench.servo.command(cut).unwrap();
-        assert_eq!(bench.servo.event(), Some(Event::Ended { reason: EndReason::Aborted, mode }), "{cut:?}");
-        assert_eq!(bench.servo.event(), None);
+        for order in [Command::MoveToEnd, Command::Mode(Mode::Trapezoidal)] {
+            for hold in [false, true] {
+                let mut bench = Bench::new(Joint::Spread);
+                let config = Config { hold, ..*bench.servo.config() };
+                bench.servo.command(Command::Configure(config)).unwrap();
+                bench.servo.command(Command::End(60)).unwrap();
+                bench.servo.command(order).unwrap();
+                bench.follow(100);
+                bench.servo.command(cut).unwrap();
+                let ended = Event::Ended { reason: EndReason::Aborted, mode };
+                assert_eq!(bench.servo.event(), Some(ended), "{cut:?}, {order:?}, HOLD {hold}");
+                assert_eq!(bench.servo.event(), None);
+                assert_eq!(bench.servo.telemetry().mode, mode, "{cut:?}, {order:?}, HOLD {hold}");
+            }
+        }
     }
     let mut bench = Bench::in_mode(Mode::Pid);
     bench.servo.command(Command::Terminate).unwrap();
@@ -469,13 +472,16 @@ fn properties_that_do_not_shape_the_move_do_not_restart_its_stall_time() {
 }
 
 #[test]
-fn hold_after_abort_at_speed_starts_with_an_empty_integral() {
+fn hold_after_strain_at_speed_starts_with_an_empty_integral() {
     let mut bench = Bench::new(Joint::Spread);
+    let config = Config { hsg: 150, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
     bench.servo.command(Command::Move(160)).unwrap();
     bench.follow(400);
     assert!(bench.servo.telemetry().velocity > CountsPerSec::from_int(200));
-    bench.servo.command(Command::Abort).unwrap();
+    bench.strain = 151;
     bench.tick();
+    assert_eq!(bench.servo.telemetry().end, Some(EndReason::Strain));
     assert!(bench.servo.telemetry().torque < Torque(-100), "{:?}", bench.servo.telemetry().torque);
 }
 

@@ -14,20 +14,21 @@ use super::{BoardResult, Job, ObservedBoard, OverCan};
 use crate::experiment::events::motor_text;
 use crate::experiment::metrics::Meters;
 use crate::experiment::run::MotorRun;
+use crate::experiment::scenario::Order;
 use crate::world::node::Sample;
 
 /// Time from a command's SET until its immediate reports have arrived, us: the SET (110), the board (50) and two reports (190).
 const DONE_US: u64 = 400;
 
-/// A command is verified by reading `echo` afterwards.
+/// An order is verified by reading `echo` afterwards.
 pub(super) enum Ask {
     Get(Property),
     Set(Property, i64),
-    Command { command: Command, property: Property, value: i64, echo: (Property, Option<i64>) },
+    Order { order: Order, property: Property, value: i64, echo: (Property, Option<i64>) },
 }
 
-struct PendingCommand {
-    command: Command,
+struct PendingOrder {
+    order: Order,
     before: Sample,
     echo: (Property, Option<i64>),
     /// The answer for the echo's property.
@@ -52,7 +53,7 @@ pub(super) struct BoardView {
     asks: VecDeque<Ask>,
     /// The property requested, and the time limit of its answer.
     waiting: Option<(Property, u64)>,
-    pending: Option<PendingCommand>,
+    pending: Option<PendingOrder>,
     known: KnownState,
     /// Until this time T may be the commanded value, before limits, us.
     torque_due_us: u64,
@@ -133,17 +134,17 @@ impl BoardView {
                 return Ok(());
             }
             if let Some(pending) = self.pending.take() {
-                self.finish_command(&pending);
+                self.finish_order(&pending);
             }
             let node = self.job.node;
             match self.asks.pop_front() {
                 None => return Ok(()),
                 Some(Ask::Set(property, value)) => host.set(node, property, value)?,
                 Some(Ask::Get(property)) => self.get(host, property, now_us),
-                Some(Ask::Command { command, property, value, echo }) => {
+                Some(Ask::Order { order, property, value, echo }) => {
                     let before = refreshed(&self.last, &self.known);
                     let due_us = now_us + DONE_US;
-                    self.pending = Some(PendingCommand { command, before, echo, read: None, due_us });
+                    self.pending = Some(PendingOrder { order, before, echo, read: None, due_us });
                     // The limits apply from the next tick.
                     self.torque_due_us = now_us + DONE_US + 1000;
                     host.set(node, property, value)?;
@@ -163,25 +164,26 @@ impl BoardView {
         waits.or_else(|| self.pending.as_ref().map(|pending| pending.due_us))
     }
 
-    fn finish_command(&mut self, pending: &PendingCommand) {
-        let PendingCommand { command, before, echo, read, .. } = pending;
+    fn finish_order(&mut self, pending: &PendingOrder) {
+        let PendingOrder { order, before, echo, read, .. } = pending;
         let read = read.flatten();
         let obeyed = read.is_some() && (echo.1.is_none() || read == echo.1);
         if !obeyed {
-            let what = format!("not obeyed: {command:?}; {:?} is {read:?}, expected {:?}", echo.0, echo.1);
+            let what = format!("not obeyed: {order:?}; {:?} is {read:?}, expected {:?}", echo.0, echo.1);
             self.log.push((before.ms, what));
         }
-        // The motion that the command ended comes before the one it started.
+        // The motion that the order ended comes before the one it started.
         self.meter_now(*before);
-        self.meters.command(command, obeyed, before, f64::from(self.known.position));
+        let command = order.counts_as();
+        self.meters.command(&command, obeyed, before, f64::from(self.known.position));
         if obeyed {
-            match *command {
+            match command {
                 Command::Home => (self.homing, self.known.homed) = (true, false),
                 Command::Position(counts) if self.known.mode == Mode::Pid => self.known.held = Some(counts),
                 Command::End(_) => {}
                 _ => self.homing = false,
             }
-            self.path.command(command, self.begin_us + 1000 * u64::from(before.ms));
+            self.path.command(&command, self.begin_us + 1000 * u64::from(before.ms));
         }
     }
 

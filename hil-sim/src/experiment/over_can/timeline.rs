@@ -10,7 +10,7 @@ use super::board_view::{Ask, BoardView};
 use super::{BoardResult, Job, ObservedBoard, OverCan};
 use crate::experiment::properties::PROPERTIES;
 use crate::experiment::run::POLL_MS as HOST_MS;
-use crate::experiment::scenario::{Action, Scenario};
+use crate::experiment::scenario::{Action, Order, Scenario};
 
 impl<S: ObservedBoard> OverCan<S> {
     /// Runs a scenario on all boards at once. The jobs' motors replace the boards' at the start: during the boot a rotor would coast and
@@ -120,9 +120,9 @@ fn exchange<S: ObservedBoard>(
 
 fn apply<S: ObservedBoard>(action: &Action, host: &mut OverCan<S>, board: &mut BoardView, index: usize) {
     match action {
-        Action::Command(command) => {
-            if let Some((property, value, echo)) = as_property(command, board) {
-                board.ask(Ask::Command { command: *command, property, value, echo });
+        Action::Order(order) => {
+            if let Some((property, value, echo)) = as_property(order, board) {
+                board.ask(Ask::Order { order: *order, property, value, echo });
             }
         }
         Action::Set(rows) => {
@@ -143,12 +143,17 @@ fn apply<S: ObservedBoard>(action: &Action, host: &mut OverCan<S>, board: &mut B
     }
 }
 
-/// A command as a property, and the property with which a host verifies it, with its value if the board obeyed.
-fn as_property(command: &Command, board: &BoardView) -> Option<(Property, i64, (Property, Option<i64>))> {
+/// An order as a property, and the property with which a host verifies it, with its value if the board obeyed.
+fn as_property(order: &Order, board: &BoardView) -> Option<(Property, i64, (Property, Option<i64>))> {
     let mode = |mode: Mode| (Property::MODE, Some(mode_code(mode).into()));
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
     let is_steered = |of: Mode| board.mode() == of;
-    let ((property, value), echo) = match *command {
+    let command = match *order {
+        Order::Command(command) => command,
+        Order::Abort if is_steered(Mode::Idle) => return None,
+        Order::Abort => Command::Mode(if board.holds() { Mode::Pid } else { Mode::Idle }),
+    };
+    let ((property, value), echo) = match command {
         Command::Mode(to) => ((Property::MODE, mode_code(to).into()), mode(to)),
         // The limits may reduce it.
         Command::Torque(torque) => ((Property::T, i64::from(torque.0)), (Property::MODE, None)),
@@ -168,12 +173,6 @@ fn as_property(command: &Command, board: &BoardView) -> Option<(Property, i64, (
         Command::Find => ((Property::FIND, 1), (Property::FIND, None)),
         Command::Terminate => (cmd(Cmd::T), mode(Mode::Idle)),
         Command::ClearFault => ((Property::STAT, 2), (Property::ERROR, Some(0))),
-        // A host that ends a move honors HOLD (manual 5.5 case 3).
-        Command::Abort if is_steered(Mode::Idle) => return None,
-        Command::Abort => {
-            let to = if board.holds() { Mode::Pid } else { Mode::Idle };
-            ((Property::MODE, mode_code(to).into()), mode(to))
-        }
         // Not available in scenarios.
         Command::Configure(_) | Command::ClearBreakaway | Command::MoveToEnd => return None,
     };

@@ -8,7 +8,7 @@ use servo_core::units::{CountsPerSec, Torque};
 use tater_wire::MotorKind;
 use toml::Spanned;
 
-use super::{Action, Case, Expectation, Initial, SHIPPED, Scenario, Timed, Want, file};
+use super::{Action, Case, Expectation, Initial, Order, SHIPPED, Scenario, Timed, Want, file};
 use crate::experiment::input::{self, BadInput, Source};
 use crate::experiment::metrics::{self, Window};
 use crate::experiment::properties::{self, Property, PropertyError};
@@ -314,17 +314,18 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
         at.torque_close.as_ref().map(|_| Command::TorqueControlled { closing: true }),
         at.torque_open.as_ref().map(|_| Command::TorqueControlled { closing: false }),
         at.home.as_ref().map(|_| Command::Home),
-        at.abort.as_ref().map(|_| Command::Abort),
         at.terminate.as_ref().map(|_| Command::Terminate),
         at.clear_fault.as_ref().map(|_| Command::ClearFault),
     ];
-    let commands = commands.into_iter().flatten().map(Action::Command);
+    let commands = commands.into_iter().flatten().map(Order::Command);
+    let abort = at.abort.as_ref().map(|_| Order::Abort);
+    let orders = commands.chain(abort).map(Action::Order);
     let others = [
         set.map(Action::Set),
         at.disturbance_n_m.map(|n_m| Action::Disturbance(n_m.0)),
         at.bus_v.map(|v| Action::Bus(v.0)),
     ];
-    Ok(commands.chain(others.into_iter().flatten()).collect())
+    Ok(orders.chain(others.into_iter().flatten()).collect())
 }
 
 fn expectation(

@@ -65,7 +65,7 @@ fn hold_waits_for_the_brake() {
     for _ in 0..10 {
         bench.tick();
     }
-    bench.servo.command(Command::Abort).unwrap();
+    bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
     assert_eq!(bench.servo.telemetry().mode, Mode::Pid);
     let brake = bench.servo.config().brake_ms;
     for tick in 10..brake {

@@ -216,7 +216,7 @@ fn every_command_and_fault_in_every_stage_ends_or_completes() {
                         Command::Mode(wanted) => (wanted != mode, wanted == mode),
                         Command::MoveToEnd => (mode != Mode::Trapezoidal, mode == Mode::Trapezoidal),
                         Command::Move(_) | Command::TorqueControlled { .. } => (true, false),
-                        Command::Abort | Command::Terminate => (true, false),
+                        Command::Terminate => (true, false),
                         _ => (true, true),
                     };
                     // A tip's zero is beyond this rotor's stop.

@@ -55,7 +55,7 @@ fn lost_host_is_cleared_by_an_order_and_replaced_by_another_fault() {
         bench.host_lost = false;
         bench
     };
-    for order in [Command::Mode(Mode::Idle), Command::Terminate, Command::Abort, Command::ClearFault] {
+    for order in [Command::Mode(Mode::Idle), Command::Terminate, Command::ClearFault] {
         let mut bench = lost();
         bench.servo.command(order).unwrap();
         assert_eq!(bench.servo.telemetry().fault, None, "{order:?}");

@@ -64,9 +64,9 @@ fn writes() -> [Write; 16] {
                     (750 - bit, 120 + bit, 800 * bit, 640, 32 + bit, 4 + bit);
             });
         }),
-        ("the same motion", |servo, n| {
+        ("MODE 3", |servo, n| {
             if n % 2 == 1 {
-                servo.command(Command::Abort).unwrap();
+                _ = servo.command(Command::Mode(Mode::Pid));
             }
         }),
         ("MODE 0", |servo, n| {
@@ -232,7 +232,7 @@ fn end_of_a_motion_clears_v() {
     let v = CountsPerSec::from_int(80);
     let ends: [End; 6] = [
         ("MODE 0", |bench| bench.servo.command(Command::Mode(Mode::Idle)).unwrap()),
-        ("^C", |bench| bench.servo.command(Command::Abort).unwrap()),
+        ("MODE 3", |bench| bench.servo.command(Command::Mode(Mode::Pid)).unwrap()),
         ("T", |bench| bench.servo.command(Command::Terminate).unwrap()),
         ("MODE 5", |bench| bench.servo.command(Command::Mode(Mode::Trapezoidal)).unwrap()),
         ("host lost", |bench| {
