@@ -24,6 +24,7 @@ const NATIVE: Kinds = Kinds::of(&[
     FaultKind::MarginalErase,
     FaultKind::ClockDrift,
     FaultKind::BoardHang,
+    FaultKind::SameNumber,
 ]);
 
 /// Longest program, ms: seven emulated boards are about as fast as real ones, and the recovery takes 8 s.

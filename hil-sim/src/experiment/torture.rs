@@ -9,6 +9,7 @@ pub mod case;
 pub mod deadline;
 mod download;
 pub mod fault;
+pub mod identity;
 pub mod invariant;
 pub mod kinds;
 pub mod lines;

@@ -6,8 +6,9 @@
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::kinds::{FaultKind, Place, ROWS};
-use super::program::{Program, Step};
+use super::identity;
+use super::kinds::{DRAWN, FaultKind, Place};
+use super::program::{Act, Program, Step};
 use crate::world::plant::PlantParams;
 use crate::world::rig::RigParams;
 use tater_wire::{MotorKind, Node as Id};
@@ -21,6 +22,9 @@ const LONG_MS: (u64, u64) = (600_000, 900_000);
 
 /// Longest fault of a long program, ms.
 const LONG_FAULT_MS: u64 = 90_000;
+
+/// One seed in so many meets something of the boards' identity, by each of the ways.
+const RARELY: u32 = 16;
 
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,7 +125,25 @@ impl Case {
                 }
             }
         }
-        Self { seed, world, is_long, is_plain, steps, faults, stop_ms }
+        let case = Self { seed, world, is_long, is_plain, steps, faults, stop_ms };
+        if is_long { case } else { case.with_outsiders() }
+    }
+
+    /// Gives one seed in [`RARELY`] a second board with the number of another, and one a host that changes who a board is. Drawn apart, so that the other
+    /// seeds stay as they are.
+    fn with_outsiders(mut self) -> Self {
+        let mut rng = rng(self.seed, 6);
+        if rng.random_ratio(1, RARELY) {
+            self.faults.push(Fault::draw(FaultKind::SameNumber, &mut rng, self.stop_ms));
+            self.faults.sort_by_key(|fault| fault.from_ms);
+        }
+        if !self.is_plain && rng.random_ratio(1, RARELY) {
+            let at_ms = rng.random_range(0..self.stop_ms);
+            let to = Id::new(rng.random_range(1..=MOTORS as u8)).unwrap_or(Id::HOST);
+            let place = self.steps.partition_point(|step| step.at_ms <= at_ms);
+            self.steps.insert(place, Step { at_ms, act: Act::Raw(identity::frames(&mut rng, to)) });
+        }
+        self
     }
 
     /// The parts of this case that are selected.
@@ -198,7 +220,7 @@ fn faults(rng: &mut Pcg64Mcg, stop_ms: u64) -> Vec<Fault> {
     // One seed in eight has none: then every command must succeed on its own.
     let count = if rng.random_ratio(1, 8) { 0 } else { rng.random_range(1..=12) };
     let kinds: Vec<FaultKind> =
-        (0..rng.random_range(1..=6)).map(|_| ROWS[rng.random_range(0..ROWS.len())].kind).collect();
+        (0..rng.random_range(1..=6)).map(|_| DRAWN[rng.random_range(0..DRAWN.len())].kind).collect();
     let mut faults: Vec<Fault> = (0..count)
         .map(|_| {
             let kind = kinds[rng.random_range(0..kinds.len())];

@@ -12,9 +12,11 @@ use super::case::{Case, Fault, MOTORS, rng};
 use super::invariant::AFTERMATH_MS;
 use super::kinds::{FaultKind, Kinds, Place};
 use super::program;
+use crate::world::board::SimBoard;
 use crate::world::bus::{Fate, Medium};
 use crate::world::hand::{Hand, Motorized};
 use crate::world::node::Node;
+use crate::world::plant::Model;
 use crate::world::rig::flash::SimFlash;
 use crate::world::rig::{HallGlitch, Input, InputFault, Rig};
 
@@ -25,6 +27,14 @@ pub trait Subject: Motorized {
 
     /// See [`Self::native`].
     fn native_mut(&mut self) -> Option<&mut Node>;
+
+    /// A spare board with the same straps and another chip, at power-up, with a motor of its own; `None` if an emulated one runs it.
+    fn spare(&self) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
+    }
 
     /// The state of the bridge.
     fn bridge(&self) -> crate::world::rig::Bridge;
@@ -47,6 +57,11 @@ impl Subject for Node {
         Some(self)
     }
 
+    fn spare(&self) -> Option<Self> {
+        let board = SimBoard::standard(self.straps(), Model::Averaged, 1);
+        Some(Self::new(board.with_chip(SPARE_CHIP)))
+    }
+
     fn bridge(&self) -> crate::world::rig::Bridge {
         self.board().bridge_now()
     }
@@ -55,6 +70,9 @@ impl Subject for Node {
         self.board().is_brake_released()
     }
 }
+
+/// The serial number of a spare board's chip; those of the hand's are below it.
+const SPARE_CHIP: u16 = 4711;
 
 /// Shares of the frames that the cable loses, duplicates and corrupts.
 #[derive(Clone, Copy, Debug, Default)]
@@ -220,6 +238,10 @@ impl Faults {
                 if rng.random() { hand.set_source(volts, most_a) } else { hand.set_source(most_v, amps) }
             }
             FaultKind::OverVoltage => hand.set_source(rng.random_range(30.0..36.0), self.source.1),
+            FaultKind::SameNumber => {
+                let spare = hand.bus().stations().nth(motor).and_then(Subject::spare);
+                spare.into_iter().for_each(|spare| hand.bus_mut().plug_guest(spare));
+            }
             FaultKind::HandPowerCut => hand.set_power(false),
             FaultKind::GodHot => hand.fix_temperature(Some(rng.random_range(20.0..120.0))),
             FaultKind::HostSilent => self.host_silent = true,
@@ -294,6 +316,7 @@ impl Faults {
                     with_board(hand, motor, |board| board.set_power(false));
                 }
             }
+            FaultKind::SameNumber => _ = hand.bus_mut().unplug_guest(),
             FaultKind::GodHot => hand.fix_temperature(None),
             FaultKind::HostSilent => self.host_silent = false,
             FaultKind::PartialLine => self.holds_line = false,

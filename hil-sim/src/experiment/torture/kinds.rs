@@ -187,7 +187,12 @@ table! {
         "ends of motions as the boards report them", "-";
     GodHot = "god-hot", Hand, "GOD's temperature sensor reads 20 to 120 C",
         "ERR 8192 above the hand's OTEMP; TEMP and PTEMP", "-";
+    SameNumber = "same-number", Motor, "a second board with the number of this one is on the bus, and obeys its orders",
+        "ERR 1 from G STAT, WAKE, HI, and from motions once its answers differ; `ERR 1` names both", "unplugging it";
 }
+
+/// The kinds from which each seed draws its own. Later ones are drawn apart ([`super::case`]), so that the seeds before them stay what they were.
+pub const DRAWN: &[Row] = ROWS.split_at(FaultKind::SameNumber as usize).0;
 
 impl FaultKind {
     /// The row.

@@ -3,14 +3,13 @@
 use god::Memory;
 use god::command::{Category, GclCommand};
 use god::grammar::{self, Statement};
-use tater_wire::Frame;
 
 use super::case::{Case, MOTORS};
 use super::deadline::command_us;
 use super::download;
 use super::fault::{Subject, node_of};
 use super::invariant::PROMPT;
-use super::program::{Act, Step};
+use super::program::{Act, Step, packet};
 use super::recovery;
 use super::session::{Outcome, Session};
 use crate::experiment::grasp;
@@ -257,8 +256,4 @@ impl Keeps {
             _ => Self::Nothing,
         }
     }
-}
-
-fn packet(frame: &Frame) -> Vec<u8> {
-    [&frame.raw_id().to_be_bytes()[..], &[frame.data().len() as u8], frame.data()].concat()
 }

@@ -281,6 +281,11 @@ pub fn frame(rng: &mut Pcg64Mcg) -> Frame {
     }
 }
 
+/// A frame as the host sends it through GOD.
+pub fn packet(frame: &Frame) -> Vec<u8> {
+    [&frame.raw_id().to_be_bytes()[..], &[frame.data().len() as u8], frame.data()].concat()
+}
+
 /// A line that leaves the parameters alone, and its command. WAIT's argument is at most `wait_ms`.
 pub fn plain_line(rng: &mut Pcg64Mcg, wait_ms: u64) -> (String, &'static CommandSpec) {
     loop {

@@ -1,12 +1,14 @@
 //! Liveness: once all faults have healed, what a user does by the tables of ERROR brings the hand back, in a stated time.
 
 use servo_core::EndReason;
-use tater_wire::{FaultCode, Property};
+use tater_wire::{Destination, FaultCode, Group, Message, MotorKind, Property};
 
-use super::case::MOTORS;
+use super::case::{MOTORS, kind};
 use super::download;
 use super::fault::{Subject, node_of, with_rig};
+use super::identity::KEYS;
 use super::invariant::{HOMES, MOVES};
+use super::program::packet;
 use super::session::Session;
 use super::stream::stream;
 use crate::world::node::Node;
@@ -28,6 +30,9 @@ const RESTORE: [&str; 3] = ["1234567 S STAT 2", "1234567 S DEF -1", "X1234567FDE
 
 /// A link without its finger: with X there is no breakaway.
 const ALONE: &str = "X1IC 1000";
+
+/// Time that a board needs to wake or to start anew, ms (docs/wire.md).
+const START_MS: u64 = 1_200;
 
 /// SET FIND: learn, test move and back, and what the observer says (docs/properties.md).
 const LEARN: u8 = 1;
@@ -67,6 +72,7 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
         run(session, line);
     }
     revive(session);
+    give_back_kinds(session);
     for line in RESTORE {
         run(session, line);
     }
@@ -273,13 +279,66 @@ fn find<S: Subject>(session: &mut Session<'_, S>, motor: usize, step: u8, ms: u6
     session.hand.pose()[motor] - before
 }
 
-/// Downloads an application to boards that have none: the next step of ERROR 16. No fault of an emulated board takes its application.
+/// Wakes the boards. Downloads an application to boards that have none: the next step of ERROR 16. No fault of an emulated board takes its application.
 fn revive<S: Subject>(session: &mut Session<'_, S>) {
-    run(session, "WAKE");
+    if is_error(&run(session, "WAKE")) {
+        give_back_numbers(session);
+    }
     for motor in 0..MOTORS {
         let asleep = native(session, motor).is_some_and(|node| node.application().is_none());
         if asleep && session.is_whole() {
             download::run(session, node_of(motor));
         }
     }
+}
+
+/// Gives boards their numbers back (docs/hand.md, Two boards with one number): two with one number by lines to both, and one that answers to none of 1 to 7
+/// by packets to group 0.
+fn give_back_numbers<S: Subject>(session: &mut Session<'_, S>) {
+    let named = run(session, "ERR 1");
+    // Boards without an application sleep on, and are no matter of numbers.
+    if !named.contains("motor ") {
+        return;
+    }
+    let motors = |named: &str, what: &str| -> Vec<usize> {
+        (0..MOTORS).filter(|motor| named.contains(&format!("motor {}: {what}", motor + 1))).collect()
+    };
+    for motor in motors(&named, "two boards") {
+        restore_locked(session, motor, Property::ID);
+    }
+    run(session, "WAKE");
+    if motors(&run(session, "ERR 1"), "no answer").is_empty() {
+        return;
+    }
+    let mut orders = vec![(Property::STAT, 2)];
+    orders.extend(KEYS.map(|key| (Property::LOCK, key)));
+    orders.extend([(Property::DEF, Property::ID.id().into()), (Property::STAT, 0)]);
+    for (property, value) in orders {
+        if let Some(message) = Message::set(Destination::Group(Group::ALL), property, value) {
+            session.send(&packet(&message.frame()));
+        }
+        rest(session, if property == Property::STAT { START_MS } else { 0 });
+    }
+    run(session, "WAKE");
+}
+
+/// Gives motors the kind of their place back.
+fn give_back_kinds<S: Subject>(session: &mut Session<'_, S>) {
+    for (motor, number) in (0..MOTORS).zip(1..) {
+        let found = property(session, motor, Property::KIND).and_then(MotorKind::from_code);
+        if found.is_some_and(|found| found != kind(number)) {
+            restore_locked(session, motor, Property::KIND);
+            revive(session);
+        }
+    }
+}
+
+/// Resets a locked property to its default, and starts the board anew.
+fn restore_locked<S: Subject>(session: &mut Session<'_, S>, motor: usize, property: Property) {
+    let node = motor + 1;
+    for key in KEYS {
+        run(session, &format!("{node} S LOCK {key}"));
+    }
+    run(session, &format!("{node} S DEF {}", property.id()));
+    run(session, &format!("{node} S STAT 0"));
 }

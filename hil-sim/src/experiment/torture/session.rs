@@ -43,7 +43,7 @@ const ORDERING_MS: u64 = 10;
 const QUIET_MS: u64 = 15;
 
 /// Faults with which orders come from another host or may not arrive: a motor then ends its motion by itself, which may take seconds.
-const UNHEARD: [FaultKind; 10] = [
+const UNHEARD: [FaultKind; 11] = [
     FaultKind::FrameLost,
     FaultKind::FrameCorrupted,
     FaultKind::FrameDelayed,
@@ -54,6 +54,8 @@ const UNHEARD: [FaultKind; 10] = [
     FaultKind::HandPowerCut,
     FaultKind::BoardHang,
     FaultKind::SecondHost,
+    // Its answers hide those of a motor that moves.
+    FaultKind::SameNumber,
 ];
 
 /// Faults after which the host does not know to which line a prompt belongs, or another host sets what it likes.
