@@ -14,6 +14,7 @@ pub mod invariant;
 pub mod kinds;
 pub mod lines;
 mod observe;
+pub mod outside;
 pub mod play;
 pub mod program;
 pub mod recovery;

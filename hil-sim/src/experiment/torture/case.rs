@@ -8,6 +8,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::identity;
 use super::kinds::{DRAWN, FaultKind, Place};
+use super::outside;
 use super::program::{Act, Program, Step};
 use crate::world::plant::PlantParams;
 use crate::world::rig::RigParams;
@@ -129,8 +130,8 @@ impl Case {
         if is_long { case } else { case.with_outsiders() }
     }
 
-    /// Gives one seed in [`RARELY`] a second board with the number of another, and one a host that changes who a board is. Drawn apart, so that the other
-    /// seeds stay as they are.
+    /// Gives one seed in [`RARELY`] a second board with the number of another, one a host that changes who a board is, and one another hand's host. Drawn apart, so
+    /// that the other seeds stay as they are.
     fn with_outsiders(mut self) -> Self {
         let mut rng = rng(self.seed, 6);
         if rng.random_ratio(1, RARELY) {
@@ -142,6 +143,14 @@ impl Case {
             let to = Id::new(rng.random_range(1..=MOTORS as u8)).unwrap_or(Id::HOST);
             let place = self.steps.partition_point(|step| step.at_ms <= at_ms);
             self.steps.insert(place, Step { at_ms, act: Act::Raw(identity::frames(&mut rng, to)) });
+        }
+        if !self.is_plain && rng.random_ratio(1, RARELY) {
+            let mut at_ms = rng.random_range(0..self.stop_ms);
+            for (frames, pause_ms) in outside::bursts(&mut rng) {
+                self.steps.push(Step { at_ms, act: Act::Raw(frames) });
+                at_ms += pause_ms;
+            }
+            self.steps.sort_by_key(|step| step.at_ms);
         }
         self
     }
