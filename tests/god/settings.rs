@@ -412,7 +412,11 @@ fn fget_p_sets_the_base_of_position_changes() {
 fn od_counts_thousands_of_counts_and_never_decreases() {
     let mut session = Session::new();
     assert_answers(&mut session, &[("1FGET OD", "0"), ("X1HI", "")]);
-    let read = |session: &mut Session| session.run("X1FGET OD").parse::<i64>().expect("a number");
+    let read = |session: &mut Session| {
+        // Boards update it every 100 ms, in which a motor that arrives may go 400 counts.
+        session.wait_us(100_000);
+        session.run("X1FGET OD").parse::<i64>().expect("a number")
+    };
     let mut read_so_far = vec![read(&mut session)];
     for round in 0..6 {
         assert_answers(&mut session, &[(if round % 2 == 0 { "X1M 18000" } else { "X1M 0" }, "")]);
