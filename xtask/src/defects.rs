@@ -37,8 +37,8 @@ pub struct DefectsArgs {
     /// Defects or invariants; all defects without one
     #[arg(value_name = "NAME")]
     names: Vec<String>,
-    /// Most seeds for each defect, from 0 on
-    #[arg(long, value_name = "N", default_value_t = SEEDS, value_parser = clap::value_parser!(u64).range(1..))]
+    /// Most seeds for each defect, from 0 on; with 0 only the tables are made again, after a change of the list
+    #[arg(long, value_name = "N", default_value_t = SEEDS)]
     seeds: u64,
     /// Run the unit tests of the firmware instead of torture
     #[arg(long, conflicts_with = "seeds")]
@@ -70,9 +70,12 @@ pub fn defects(args: &DefectsArgs) -> Result<(), Failure> {
     let board = Board { all: &all, write: args.write, rows: Mutex::new(page::parse(&page)), page };
     let mut failures = if args.unit_tests {
         units::test(&all, &planted, &folder, &board)?
+    } else if args.seeds == 0 {
+        Vec::new()
     } else {
         torture(&all, &planted, &folder, args.seeds, &board)?
     };
+    board.write()?;
     let rows = board.rows.into_inner().unwrap_or_else(PoisonError::into_inner);
     if args.json {
         files::print(&format!("{}\n", page::json(&chosen, &rows)))?;
@@ -96,14 +99,22 @@ struct Board<'a> {
 }
 
 impl Board<'_> {
-    /// Changes the row of a defect, and writes the page if that is wanted.
+    /// Changes the row of a defect.
     fn record(&self, defect: &Defect, change: impl FnOnce(Row) -> Row) -> Result<(), String> {
-        let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-        let row = rows.remove(&defect.name).unwrap_or_default();
-        rows.insert(defect.name.clone(), change(row));
+        {
+            let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+            let row = rows.remove(&defect.name).unwrap_or_default();
+            rows.insert(defect.name.clone(), change(row));
+        }
+        self.write()
+    }
+
+    /// Writes the page, if that is wanted.
+    fn write(&self) -> Result<(), String> {
         if !self.write {
             return Ok(());
         }
+        let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
         let all: Vec<&Defect> = self.all.iter().collect();
         let text = page::with(&self.page, &page::made(&all, &rows))?;
         files::replace(&root().join(page::PAGE), text.as_bytes())
