@@ -32,7 +32,7 @@ fn most_ms(kind: Joint) -> u32 {
 /// What a host may toggle: with an even number one value, with an odd one another.
 type Write = (&'static str, fn(&mut Servo, usize));
 
-fn writes() -> [Write; 16] {
+fn writes() -> [Write; 15] {
     const fn odd(number: usize) -> bool {
         number % 2 == 1
     }
@@ -63,11 +63,6 @@ fn writes() -> [Write; 16] {
                 (c.mt, c.kp, c.ki, c.kd, c.kpv, c.mpe) =
                     (750 - bit, 120 + bit, 800 * bit, 640, 32 + bit, 4 + bit);
             });
-        }),
-        ("MODE 3", |servo, n| {
-            if n % 2 == 1 {
-                _ = servo.command(Command::Mode(Mode::Pid));
-            }
         }),
         ("MODE 0", |servo, n| {
             if n % 2 == 1 {
