@@ -1227,16 +1227,9 @@ impl Servo {
         }
     }
 
-    /// Whether the torque of the last tick pushes towards the stop that HI seeks.
-    fn pushes_towards_stop(&self) -> bool {
-        (self.applied.torque > Torque::ZERO) == (self.tuning.config.ivel > 0)
-    }
-
     fn torque_ceiling(&self) -> Torque {
         match self.motion {
             Motion::Home { stage, .. } => self.homing_ceiling(stage),
-            // At IOFF 0 the position loop would press the stop with MT.
-            Motion::Zero { .. } if self.pushes_towards_stop() => self.tuning.homing_most,
             _ => self.tuning.most,
         }
     }

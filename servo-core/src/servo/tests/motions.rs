@@ -342,19 +342,11 @@ fn homing_seeks_with_ihit_and_leaves_with_mt() {
         (home(Homing::Return { closing: true }), 250),
         (home(Homing::Leave { closing: true }), 750),
         (Motion::Velocity, 750),
+        (to_zero(at(0)), 750),
     ] {
         let mut bench = Bench::new(Joint::Spread);
         bench.servo.motion = motion;
         assert_eq!(bench.servo.torque_ceiling(), Torque(most), "{motion:?}");
-    }
-    // The position loop of the way to IOFF: at IOFF 0 it would press the stop.
-    for (ivel, applied, most) in
-        [(-200, -1, 250), (-200, 0, 250), (-200, 1, 750), (200, -1, 750), (200, 0, 750), (200, 1, 250)]
-    {
-        let mut bench = with(to_zero(at(0)));
-        bench.servo.tuning.config.ivel = ivel;
-        bench.servo.applied.torque = Torque(applied);
-        assert_eq!(bench.servo.torque_ceiling(), Torque(most), "IVEL {ivel}, {applied}");
     }
     for (ihit, mt, ivel, can) in [
         (63, 63, 1, true),

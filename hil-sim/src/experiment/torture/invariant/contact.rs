@@ -110,11 +110,14 @@ pub(super) fn presses(view: &View) -> bool {
     view.driven() && torque * load < 0.0 && load.abs() > TOUCH_N_M
 }
 
-/// The torque limit that the documents state: MT, and towards the stop of HI no more than IHIT.
+/// The torque limit that the documents state: MT, and towards the stop of HI no more than IHIT until the second contact, while it runs in mode 4. The way
+/// to IOFF is a move under MT: with IOFF 0 a spread presses its stop with up to 350 units on it.
 fn limit(joint: &Joint, view: &View) -> Option<f64> {
     let (mt, ihit, ivel) =
         (view.property(Property::MT)?, view.property(Property::IHIT)?, view.property(Property::IVEL)?);
-    let seeks = joint.meaning.errand == Errand::Homes && view.truth.torque_n_m * ivel as f64 > 0.0;
+    let seeks = joint.meaning.errand == Errand::Homes
+        && view.mode() == Some(ModeCode::Velocity)
+        && view.truth.torque_n_m * ivel as f64 > 0.0;
     Some(if seeks { mt.min(ihit) } else { mt } as f64)
 }
 

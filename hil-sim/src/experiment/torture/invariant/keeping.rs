@@ -62,9 +62,10 @@ pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
         .map(|at| format!("{} went from {} to {}", COUNTERS[at].row().name, before[at], now[at]))
 }
 
-/// DEF, as a property or a command. Forgetting too much only checks less.
+/// DEF, as a property or a command, and KIND: a value beyond the joint of another kind is its default. Forgetting too much only checks less.
 fn forgets(property: Property, value: i64) -> bool {
-    property == Property::DEF || property == Property::CMD && is_command(value, Cmd::Def)
+    matches!(property, Property::DEF | Property::KIND)
+        || property == Property::CMD && is_command(value, Cmd::Def)
 }
 
 /// DEF, and a SAVE of the property whose value is not known because the program has ended since.

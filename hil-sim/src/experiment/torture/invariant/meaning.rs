@@ -197,7 +197,7 @@ const WRONG_MS: u32 = 60;
 
 /// The way by VEL in a window of time, ms, against the rotor's: an impact at full speed is seen when the next count is overdue.
 const WAY_MS: u64 = 100;
-pub(super) const WAY_COUNTS: f64 = 12.0;
+pub(super) const WAY_COUNTS: f64 = 25.0;
 
 /// T of a motor that stands and presses, after a time in which its current has settled, ms: R, Ke and halls are off by 30 % and 10°, a hot winding
 /// has 40 % more resistance, and six steps give less between their middles.
@@ -210,7 +210,7 @@ pub(super) const TORQUE_SHARE: f64 = 0.9;
 pub struct Reported {
     wrong_ms: u32,
     /// Since when VEL is added up, ms; its sum; the place then, counts.
-    way: (u64, f64, f64),
+    way: Option<(u64, f64, f64)>,
     /// For how long the motor has stood and pressed, ms.
     steady_ms: u64,
 }
@@ -218,15 +218,14 @@ pub struct Reported {
 impl Reported {
     /// The way by VEL less that of the rotor, counts, at the end of each window.
     fn way_off(&mut self, view: &View, vel: f64) -> Option<f64> {
-        let (since_ms, sum, from) = self.way;
+        let (since_ms, sum, from) = self
+            .way
+            .filter(|(since_ms, ..)| view.ms <= since_ms + WAY_MS)
+            .unwrap_or((view.ms, 0.0, view.truth.counts));
+        let sum = if view.ms > since_ms { sum + vel * 1e-3 } else { sum };
         let is_whole = view.ms == since_ms + WAY_MS;
-        let off = sum + vel * 1e-3 - (view.truth.counts - from);
-        self.way = if is_whole || view.ms > since_ms + WAY_MS {
-            (view.ms, 0.0, view.truth.counts)
-        } else {
-            (since_ms, sum + vel * 1e-3, from)
-        };
-        is_whole.then_some(off.abs())
+        self.way = Some(if is_whole { (view.ms, 0.0, view.truth.counts) } else { (since_ms, sum, from) });
+        is_whole.then_some((sum - (view.truth.counts - from)).abs())
     }
 
     /// By how much T is off, as a share of the true torque.
