@@ -4,6 +4,7 @@
 //! One build has all defects, of which a variable of the environment chooses one. Those that this cannot express, as another constant, get a build
 //! of their own. A seed that finds a defect is played without it as well: what fails there too shows nothing.
 
+mod board;
 mod draw;
 mod functions;
 mod list;
@@ -14,15 +15,12 @@ mod trial;
 mod units;
 
 use std::collections::BTreeMap;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 use crate::program::{in_parallel, root, target};
 use crate::{Failure, files, outcome::say};
-use list::{Defect, Origin, Plant};
-use page::{Row, Rows};
-use switch::{Refused, Switched};
+use board::{Board, progress};
+use list::{Defect, Plant};
 use tree::Tree;
 use trial::{Found, Simulator, Trial};
 
@@ -65,9 +63,9 @@ pub fn defects(args: &DefectsArgs) -> Result<(), Failure> {
         return Ok(files::print(&(draw::draw(seed, &all, &folder)? + "\n"))?);
     }
     let chosen = list::choose(&all, &args.names).map_err(Failure::Unusable)?;
-    let planted: Vec<&Defect> = chosen.iter().copied().filter(|defect| can_be_planted(defect)).collect();
+    let planted: Vec<&Defect> = chosen.iter().copied().filter(|defect| defect.is_planted()).collect();
     let page = std::fs::read_to_string(root().join(page::PAGE)).map_err(|error| error.to_string())?;
-    let board = Board { all: &all, write: args.write, rows: Mutex::new(page::parse(&page)), page };
+    let board = Board::new(&all, page, args.write);
     let mut failures = if args.unit_tests {
         units::test(&all, &planted, &folder, &board)?
     } else if args.seeds == 0 {
@@ -75,8 +73,7 @@ pub fn defects(args: &DefectsArgs) -> Result<(), Failure> {
     } else {
         torture(&all, &planted, &folder, args.seeds, &board)?
     };
-    board.write()?;
-    let rows = board.rows.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let rows = board.finish()?;
     if args.json {
         files::print(&format!("{}\n", page::json(&chosen, &rows)))?;
     } else {
@@ -84,59 +81,6 @@ pub fn defects(args: &DefectsArgs) -> Result<(), Failure> {
     }
     failures.sort();
     if failures.is_empty() { Ok(()) } else { Err(Failure::Judged(failures.join("\n"))) }
-}
-
-fn can_be_planted(defect: &Defect) -> bool {
-    matches!(defect.plant, Plant::Texts(_)) && !matches!(defect.origin, Origin::Equivalent(_))
-}
-
-/// The results so far.
-struct Board<'a> {
-    all: &'a [Defect],
-    write: bool,
-    rows: Mutex<Rows>,
-    page: String,
-}
-
-impl Board<'_> {
-    /// Changes the row of a defect.
-    fn record(&self, defect: &Defect, change: impl FnOnce(Row) -> Row) -> Result<(), String> {
-        {
-            let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-            let row = rows.remove(&defect.name).unwrap_or_default();
-            rows.insert(defect.name.clone(), change(row));
-        }
-        self.write()
-    }
-
-    /// Writes the page, if that is wanted.
-    fn write(&self) -> Result<(), String> {
-        if !self.write {
-            return Ok(());
-        }
-        let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-        let all: Vec<&Defect> = self.all.iter().collect();
-        let text = page::with(&self.page, &page::made(&all, &rows))?;
-        files::replace(&root().join(page::PAGE), text.as_bytes())
-    }
-}
-
-/// Plans and builds the tree with switches; those that the compiler refuses become `alone`.
-fn switched<T>(
-    all: &[Defect],
-    folder: &Path,
-    build: impl Fn(&Tree) -> Result<T, String>,
-) -> Result<(T, Switched), String> {
-    let all: Vec<&Defect> = all.iter().filter(|defect| can_be_planted(defect)).collect();
-    let mut refused = Refused::default();
-    loop {
-        let plan = Switched::plan(&all, &refused, tree::text)?;
-        match build(&Tree::copy(folder, "tree-switched", &plan.files)?) {
-            Ok(built) => return Ok((built, plan)),
-            Err(error) if !refused.add(plan.blamed(&error, tree::text)) => return Err(error),
-            Err(_) => {}
-        }
-    }
 }
 
 fn torture(
@@ -151,7 +95,7 @@ fn torture(
     progress("builds the unchanged simulator");
     Tree::copy(folder, "tree", &BTreeMap::new())?.simulator(&unchanged)?;
     progress("builds the simulator with all defects");
-    let ((), plan) = switched(all, folder, |tree| tree.simulator(&switching))?;
+    let ((), plan) = tree::switched(all, folder, |tree| tree.simulator(&switching))?;
     are_alike(&unchanged, &switching, folder)?;
     let every = Simulator { path: &unchanged, planted: None }.invariants()?;
     let (alone, together): (Vec<&Defect>, Vec<&Defect>) =
@@ -222,12 +166,5 @@ fn judge(defect: &Defect, found: &Found, seeds: u64) -> Result<(), String> {
             found.notes(),
             list::LIST
         )),
-    }
-}
-
-/// A line for a person who watches.
-fn progress(text: &str) {
-    if std::io::stderr().is_terminal() {
-        say(text);
     }
 }

@@ -36,6 +36,13 @@ pub enum Origin {
     Equivalent(String),
 }
 
+impl Defect {
+    /// Whether a run of torture or unit tests can have it.
+    pub const fn is_planted(&self) -> bool {
+        matches!(self.plant, Plant::Texts(_)) && !matches!(self.origin, Origin::Equivalent(_))
+    }
+}
+
 /// How a defect is planted.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Plant {

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::list::Edit;
+use super::list::{Defect, Edit};
+use super::switch::{Refused, Switched};
 use crate::files;
 use crate::program::{output_of_both, program, root};
 
@@ -136,4 +137,25 @@ pub fn edited(edits: &[Edit]) -> Result<BTreeMap<String, String>, String> {
 /// It cannot be read.
 pub fn text(file: &str) -> Result<String, String> {
     Ok(String::from_utf8_lossy(&files::read(&root().join(file))?).into_owned())
+}
+
+/// Plans and builds the tree with switches; those that the compiler refuses become `alone`.
+///
+/// # Errors
+/// The file system's, or what the compiler says of anything else.
+pub fn switched<T>(
+    all: &[Defect],
+    folder: &Path,
+    build: impl Fn(&Tree) -> Result<T, String>,
+) -> Result<(T, Switched), String> {
+    let all: Vec<&Defect> = all.iter().filter(|defect| defect.is_planted()).collect();
+    let mut refused = Refused::default();
+    loop {
+        let plan = Switched::plan(&all, &refused, text)?;
+        match build(&Tree::copy(folder, "tree-switched", &plan.files)?) {
+            Ok(built) => return Ok((built, plan)),
+            Err(error) if !refused.add(plan.blamed(&error, text)) => return Err(error),
+            Err(_) => {}
+        }
+    }
 }

@@ -292,8 +292,8 @@ mod tests {
 
     #[test]
     fn program_without_an_end_is_killed() {
-        let sleep = |seconds: &str, deadline| ended(Command::new("sleep").arg(seconds), deadline);
-        assert_eq!(sleep("60", Duration::from_millis(1)), Ok(None));
-        assert!(sleep("0", Duration::from_secs(60)).is_ok_and(|end| end.is_some_and(|it| it.success())));
+        let waiting = |seconds: &str, deadline| ended(Command::new("sleep").arg(seconds), deadline);
+        assert_eq!(waiting("60", Duration::from_millis(1)), Ok(None));
+        assert!(waiting("0", Duration::from_secs(60)).is_ok_and(|end| end.is_some_and(|it| it.success())));
     }
 }

@@ -4,10 +4,11 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use super::board::{Board, progress};
 use super::list::{Defect, Edit, Plant};
 use super::switch::VARIABLE;
 use super::tree::{self, TESTED, Tests, Tree};
-use super::{Board, progress, switched, trial};
+use super::trial;
 use crate::program::in_parallel;
 
 /// So many times the tests' own time is no end.
@@ -20,7 +21,7 @@ const PATIENCE: u32 = 20;
 pub fn test(all: &[Defect], chosen: &[&Defect], folder: &Path, board: &Board) -> Result<Vec<String>, String> {
     let ours: Vec<Defect> = all.iter().filter(|defect| is_of_firmware(defect)).cloned().collect();
     progress("builds the unit tests with all defects");
-    let (tests, plan) = switched(&ours, folder, |tree| tree.tests(&TESTED))?;
+    let (tests, plan) = tree::switched(&ours, folder, |tree| tree.tests(&TESTED))?;
     let begun = Instant::now();
     for one in &tests {
         if !passes(one, "", Duration::from_secs(3600))? {
