@@ -74,6 +74,12 @@ const LOADS: Kinds = Kinds::of(&[F::Push, F::Jam, F::BrakeStuckOn, F::BrakeStuck
 /// No excuse.
 pub const NONE: &[Excuse] = &[];
 
+/// Of torque-within-mt.
+pub const WITHIN_MT: &[Excuse] = &[here(
+    Kinds::of(&[F::BoardHang]),
+    "T is what it was when the program hung, and the bus that let it brake is not",
+)];
+
 /// Of winding-temperature.
 pub const WINDING: &[Excuse] = &[LYING_WINDING];
 pub(super) const LYING_WINDING: Excuse = part(

@@ -203,6 +203,7 @@ pub(super) const WAY_COUNTS: f64 = 25.0;
 /// has 40 % more resistance, and six steps give less between their middles.
 const STEADY_MS: u64 = 30;
 const PRESSES: f64 = 100.0;
+const WIRED: i64 = 4;
 pub(super) const TORQUE_SHARE: f64 = 0.9;
 
 /// What [`values`] remembers of a motor.
@@ -230,7 +231,11 @@ impl Reported {
 
     /// By how much T is off, as a share of the true torque.
     fn torque_off(&mut self, view: &View, t: f64, strength: f64) -> Option<f64> {
-        let presses = presses(view) && view.truth.counts_per_s.abs() <= STILL && t.abs() >= PRESSES;
+        // While FIND learns the wiring nobody knows the sign of a torque.
+        let presses = presses(view)
+            && view.property(Property::FIND) == Some(WIRED)
+            && view.truth.counts_per_s.abs() <= STILL
+            && t.abs() >= PRESSES;
         self.steady_ms = if presses && view.orders().next().is_none() { self.steady_ms + 1 } else { 0 };
         let units = view.truth.torque_n_m / strength * UNITS;
         (self.steady_ms > STEADY_MS).then(|| (units / t - 1.0).abs())
