@@ -588,7 +588,7 @@ mod tests {
         let io = Io::default();
         let boards = Boards::new(&io);
         let (one, both) = (Motors::only(motor(1)), Motors::only(motor(1)).union(Motors::only(motor(2))));
-        let answer = |frames: &[Frame]| frames.iter().for_each(|frame| _ = io.push_frame(frame));
+        let answer = |frames: &[Frame]| frames.iter().for_each(|frame| io.push_frame(frame));
         let ask = |now_us, property, frames: &[Frame]| {
             let mut question = pin!(boards.get(both, property));
             io::poll(question.as_mut(), &io, now_us);

@@ -16,6 +16,7 @@ use super::interrupt;
 use super::output::{is_same_file, print, replace_file, warn};
 use crate::experiment::input::BadInput;
 use crate::experiment::torture::invariant::measure::Worst;
+use crate::experiment::torture::invariant::promise::PROMISES;
 use crate::experiment::torture::report::{replay_line, tables, text};
 use crate::experiment::torture::{
     Case, INVARIANTS, Outcome, Selection, Shrunk, Violation, run, run_with_events, shrink,
@@ -448,7 +449,7 @@ fn report(
         peak_winding_c,
         peak_phase_a,
         peak_bus_v,
-        worst: sum.worst.rows().collect(),
+        worst: PROMISES.iter().map(|promise| (promise.name, sum.worst.of(promise.measure))).collect(),
         faults: sum.faults.clone(),
         errors: (0..64).filter(|code| sum.errors >> code & 1 == 1).collect(),
         failures,

@@ -13,6 +13,7 @@ mod keeping;
 mod meaning;
 pub mod measure;
 mod power;
+pub mod promise;
 mod truth;
 
 pub use contact::MAY_PRESS;

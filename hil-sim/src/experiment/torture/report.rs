@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::case::{Case, Selection};
 use super::invariant::excuse::{Excuse, Reach};
-use super::invariant::measure::{PROMISES, Promise};
+use super::invariant::promise::{PROMISES, Promise};
 use super::invariant::{self, INVARIANTS, MAY_PRESS};
 use super::kinds::{Place, ROWS, Row};
 use super::session::Outcome;
@@ -103,7 +103,7 @@ pub fn text(case: &Case, selection: &Selection, outcome: &Outcome, events: &[Eve
 #[must_use]
 pub fn promises() -> Vec<String> {
     let row = |promise: &Promise| {
-        let Promise { name, what, most, rule, test } = promise;
+        let Promise { name, what, most, rule, test, .. } = promise;
         format!("| {what} (`{name}`) | {most} | `{rule}` | `{test}` |")
     };
     PROMISES.iter().map(row).collect()

@@ -3,8 +3,7 @@
 
 use tater_wire::{EndCode, ModeCode, Property};
 
-use super::joint::{Contact, Joint, View};
-use super::meaning::{Errand, follow};
+use super::joint::{Contact, Errand, Joint, View};
 use super::measure::Measure;
 use crate::world::plant::PlantParams;
 
@@ -122,7 +121,7 @@ fn limit(joint: &Joint, view: &View) -> Option<f64> {
 }
 
 pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
-    follow(joint, view);
+    joint.follow(view);
     let Some(mt) = limit(joint, view) else {
         joint.contact = Contact::default();
         return None;

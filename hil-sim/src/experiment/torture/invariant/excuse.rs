@@ -75,9 +75,9 @@ const LOADS: Kinds = Kinds::of(&[F::Push, F::Jam, F::BrakeStuckOn, F::BrakeStuck
 pub const NONE: &[Excuse] = &[];
 
 /// Of torque-within-mt.
-pub const WITHIN_MT: &[Excuse] = &[here(
-    Kinds::of(&[F::BoardHang]),
-    "T is what it was when the program hung, and the bus that let it brake is not",
+pub const WITHIN_MT: &[Excuse] = &[anywhere(
+    &[F::BoardHang],
+    "a board that hangs with its bridge on upsets the bus of all, which makes the others brake",
 )];
 
 /// Of winding-temperature.

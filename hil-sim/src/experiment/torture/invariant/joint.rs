@@ -1,10 +1,9 @@
 //! What the checks of one motor see and remember.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use tater_wire::{Cmd, EndCode, ModeCode, MotorKind, Property};
 
-use super::meaning::Meaning;
 use super::measure::Worst;
 use crate::experiment::torture::case::{World, kind};
 use crate::experiment::torture::kinds::Kinds;
@@ -310,6 +309,76 @@ pub struct Trust {
     pub hindered: bool,
     /// Where the rotor was when this drive began, and the direction of its torque.
     pub began: Option<(f64, bool)>,
+}
+
+/// What a board does on its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Errand {
+    /// Nothing that HSG, LSG or BT end.
+    #[default]
+    None,
+    Homes,
+    Presses,
+    Moves,
+}
+
+impl Errand {
+    fn after(self, property: Property, value: i64) -> Self {
+        match property {
+            Property::FIND => Self::None,
+            Property::M => Self::Moves,
+            // It may have met a part of HI.
+            Property::MODE if self == Self::Homes || value != i64::from(ModeCode::Trapezoidal) => Self::None,
+            Property::MODE => Self::Moves,
+            Property::CMD => match Cmd::of(value) {
+                Some(Cmd::Hi) => Self::Homes,
+                Some(Cmd::Tc | Cmd::To) => Self::Presses,
+                Some(Cmd::Load | Cmd::Save | Cmd::Def) => self,
+                Some(Cmd::Reset | Cmd::T) | None => Self::None,
+                Some(Cmd::Home | Cmd::Ic | Cmd::Io | Cmd::C | Cmd::M | Cmd::O) => Self::Moves,
+            },
+            _ => self,
+        }
+    }
+}
+
+/// What these checks of a motor remember.
+#[derive(Debug, Default)]
+pub struct Meaning {
+    pub errand: Errand,
+    pub starts: u32,
+    pub strained_ms: u32,
+    pub loaded_ms: u32,
+    /// The true count at the last ticks in which the bridge was on, the newest first: the time of a stall waits while it is off (decision 0049).
+    pub cells: VecDeque<i64>,
+    /// Ticks since the motor last pushed against a contact with more than half of BT.
+    pub since_load_ms: u64,
+    pub end: i64,
+    pub was_driven: bool,
+    pub reported: Reported,
+}
+
+/// What values-are-true remembers of a motor.
+#[derive(Debug, Default)]
+pub struct Reported {
+    pub wrong_ms: u32,
+    /// Since when VEL is added up, ms; its sum; the place then, counts.
+    pub way: Option<(u64, f64, f64)>,
+    /// For how long the motor has stood and pressed, ms.
+    pub steady_ms: u64,
+}
+
+impl Joint {
+    /// Follows what the motor was ordered to do.
+    pub fn follow(&mut self, view: &View) {
+        let meaning = &mut self.meaning;
+        if meaning.starts != view.starts() || !view.runs() {
+            *meaning = Meaning { starts: view.starts(), ..Meaning::default() };
+        }
+        for (property, value) in view.orders() {
+            meaning.errand = meaning.errand.after(property, value);
+        }
+    }
 }
 
 impl Joint {

@@ -1,11 +1,9 @@
 //! Whether properties do what the documents say, judged by the plant and the wire: HSG, LSG and BT, and what END and the measured values say.
 
-use std::collections::VecDeque;
-
-use tater_wire::{Cmd, EndCode, ModeCode, Property};
+use tater_wire::{EndCode, ModeCode, Property};
 
 use super::contact::{RIPPLE_N_M, STILL, UNITS, presses, strength};
-use super::joint::{Joint, View};
+use super::joint::{Errand, Joint, Reported, View};
 use super::measure::Measure;
 
 /// Values of HSG and LSG that disable them, and HSG 0 (manual 5.3.1, docs/properties.md).
@@ -25,64 +23,6 @@ const BREAKS_AWAY_COUNTS: u32 = 6;
 
 /// Counts before E from which on a set-point still moves while its link lags by the few counts that make up a torque.
 const UNDER_WAY: i64 = 80;
-
-/// What a board does on its own.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Errand {
-    /// Nothing that HSG, LSG or BT end.
-    #[default]
-    None,
-    Homes,
-    Presses,
-    Moves,
-}
-
-impl Errand {
-    fn after(self, property: Property, value: i64) -> Self {
-        match property {
-            Property::FIND => Self::None,
-            Property::M => Self::Moves,
-            // It may have met a part of HI.
-            Property::MODE if self == Self::Homes || value != i64::from(ModeCode::Trapezoidal) => Self::None,
-            Property::MODE => Self::Moves,
-            Property::CMD => match Cmd::of(value) {
-                Some(Cmd::Hi) => Self::Homes,
-                Some(Cmd::Tc | Cmd::To) => Self::Presses,
-                Some(Cmd::Load | Cmd::Save | Cmd::Def) => self,
-                Some(Cmd::Reset | Cmd::T) | None => Self::None,
-                Some(Cmd::Home | Cmd::Ic | Cmd::Io | Cmd::C | Cmd::M | Cmd::O) => Self::Moves,
-            },
-            _ => self,
-        }
-    }
-}
-
-/// What these checks of a motor remember.
-#[derive(Debug, Default)]
-pub struct Meaning {
-    pub errand: Errand,
-    pub starts: u32,
-    strained_ms: u32,
-    loaded_ms: u32,
-    /// The true count at the last ticks in which the bridge was on, the newest first: the time of a stall waits while it is off (decision 0049).
-    cells: VecDeque<i64>,
-    /// Ticks since the motor last pushed against a contact with more than half of BT.
-    since_load_ms: u64,
-    end: i64,
-    was_driven: bool,
-    reported: Reported,
-}
-
-/// Follows what the motor was ordered to do.
-pub fn follow(joint: &mut Joint, view: &View) {
-    let meaning = &mut joint.meaning;
-    if meaning.starts != view.starts() || !view.runs() {
-        *meaning = Meaning { starts: view.starts(), ..Meaning::default() };
-    }
-    for (property, value) in view.orders() {
-        meaning.errand = meaning.errand.after(property, value);
-    }
-}
 
 /// Whether a motion of the errand is under way.
 fn is_under_way(joint: &Joint, view: &View) -> bool {
@@ -205,16 +145,6 @@ const STEADY_MS: u64 = 30;
 const PRESSES: f64 = 100.0;
 const WIRED: i64 = 4;
 pub(super) const TORQUE_SHARE: f64 = 0.9;
-
-/// What [`values`] remembers of a motor.
-#[derive(Debug, Default)]
-pub struct Reported {
-    wrong_ms: u32,
-    /// Since when VEL is added up, ms; its sum; the place then, counts.
-    way: Option<(u64, f64, f64)>,
-    /// For how long the motor has stood and pressed, ms.
-    steady_ms: u64,
-}
 
 impl Reported {
     /// The way by VEL less that of the rotor, counts, at the end of each window.

@@ -95,7 +95,9 @@ pub fn brake(joint: &mut Joint, view: &View) -> Option<String> {
 /// (decision 0005), that of a high bus one that returns current (decision 0053).
 fn is_by_duty(view: &View) -> bool {
     let Bridge::On { duty, .. } = view.bridge else { return false };
-    duty.0.to_bits().unsigned_abs() >= DUTY - DEAD || view.volts > RETURN_V
+    // The board has read the bus a tick ago.
+    let read_v = view.property(Property::VBUS).map_or(0.0, |volts| volts as f64 / 10.0);
+    duty.0.to_bits().unsigned_abs() >= DUTY - DEAD || view.volts.max(read_v) > RETURN_V
 }
 
 pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {

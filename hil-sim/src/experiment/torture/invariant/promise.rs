@@ -1,0 +1,115 @@
+//! The promises of docs/safety.md that the checks measure, with their bounds.
+
+use super::measure::Measure;
+use super::{contact, meaning, power};
+
+/// A promise.
+pub struct Promise {
+    /// What is measured.
+    pub measure: Measure,
+    /// Its name in `hil-sim torture --json`.
+    pub name: &'static str,
+    /// What it bounds, with its unit.
+    pub what: &'static str,
+    /// The bound.
+    pub most: f64,
+    /// The invariant that breaks beyond it.
+    pub rule: &'static str,
+    /// The test that shows it without the torture chamber.
+    pub test: &'static str,
+}
+
+const fn row(
+    measure: Measure,
+    name: &'static str,
+    what: &'static str,
+    most: f64,
+    rule: &'static str,
+    test: &'static str,
+) -> Promise {
+    Promise { measure, name, what, most, rule, test }
+}
+
+/// Every promise.
+pub const PROMISES: &[Promise] = &[
+    row(
+        Measure::AboveMs,
+        "above-mt-ms",
+        "a contact feels more than 1.25 of MT, in HI of IHIT, for so long, ms",
+        contact::ABOVE_MS as f64,
+        "torque-at-contact",
+        "tests/contact/torque.rs",
+    ),
+    row(
+        Measure::AboveImpulse,
+        "above-mt-mNms",
+        "and in that time so much beyond it, mN·m·s",
+        contact::ABOVE_M_N_M_S,
+        "torque-at-contact",
+        "tests/contact/torque.rs",
+    ),
+    row(
+        Measure::HeldMs,
+        "held-beyond-tstop-ms",
+        "what holds a driven motor is pressed for so long after TSTOP, ms",
+        contact::STALL_SLACK_MS as f64,
+        "stall-ends-force",
+        "tests/contact/stalls.rs",
+    ),
+    row(
+        Measure::StrainMs,
+        "strained-ms",
+        "a move goes on outside LSG and HSG for so long, ms",
+        meaning::STRAIN_MS as f64,
+        "strain-ends",
+        "servo-core/src/servo/tests.rs",
+    ),
+    row(
+        Measure::LoadedMs,
+        "loaded-ms",
+        "a link that stands under 1.3 of BT carries it for so long, and six counts at MV longer, ms",
+        meaning::BREAKS_AWAY_MS as f64,
+        "breaks-away",
+        "tests/god/movement/breakaway.rs",
+    ),
+    row(
+        Measure::Winding,
+        "winding-c",
+        "a winding gets so hot, C",
+        power::WINDING_C,
+        "winding-temperature",
+        "tests/heat.rs",
+    ),
+    row(
+        Measure::Therm,
+        "therm-c",
+        "THERM is off by so much, C",
+        meaning::THERM_C,
+        "values-are-true",
+        "board-emu/src/analog.rs",
+    ),
+    row(
+        Measure::Bus,
+        "vbus-v",
+        "VBUS is off by so much for longer than a page erases, V",
+        meaning::BUS_V,
+        "values-are-true",
+        "board-emu/src/analog.rs",
+    ),
+    row(
+        Measure::Way,
+        "vel-counts",
+        "the way by VEL in 0.1 s is off by so much, counts",
+        meaning::WAY_COUNTS,
+        "values-are-true",
+        "tests/halls.rs",
+    ),
+    row(
+        Measure::Torque,
+        "t-share",
+        "T of a motor that stands and presses with 100 units or more is off by so much, of 1",
+        meaning::TORQUE_SHARE,
+        "values-are-true",
+        "tests/contact/torque.rs",
+    ),
+];
