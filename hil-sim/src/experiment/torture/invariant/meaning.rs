@@ -144,7 +144,7 @@ pub(super) const WAY_COUNTS: f64 = 25.0;
 const STEADY_MS: u64 = 30;
 const PRESSES: f64 = 100.0;
 const WIRED: i64 = 4;
-pub(super) const TORQUE_SHARE: f64 = 0.9;
+const TORQUE_SHARE: f64 = 0.9;
 
 impl Reported {
     /// The way by VEL less that of the rotor, counts, at the end of each window.
@@ -181,7 +181,6 @@ pub fn values(joint: &mut Joint, view: &View) -> Option<String> {
     let reported = &mut joint.meaning.reported;
     let (way, share) = (reported.way_off(view, vel), reported.torque_off(view, t, strength));
     joint.worst.note(Measure::Way, way.unwrap_or(0.0));
-    joint.worst.note(Measure::Torque, share.unwrap_or(0.0));
     if let Some(way) = way.filter(|&way| way > WAY_COUNTS) {
         return Some(format!("the way by VEL is {way:.1} counts off in {WAY_MS} ms"));
     }

@@ -21,12 +21,10 @@ pub enum Measure {
     Bus,
     /// The way by VEL in 0.1 s is off by so much, counts.
     Way,
-    /// T of a motor that stands and presses with 100 units or more is off by so much, of 1.
-    Torque,
 }
 
 /// How many there are.
-const COUNT: usize = Measure::Torque as usize + 1;
+const COUNT: usize = Measure::Way as usize + 1;
 
 /// The greatest values so far, in the order of [`Measure`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

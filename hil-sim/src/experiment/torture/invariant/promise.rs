@@ -104,12 +104,4 @@ pub const PROMISES: &[Promise] = &[
         "values-are-true",
         "tests/halls.rs",
     ),
-    row(
-        Measure::Torque,
-        "t-share",
-        "T of a motor that stands and presses with 100 units or more is off by so much, of 1",
-        meaning::TORQUE_SHARE,
-        "values-are-true",
-        "tests/contact/torque.rs",
-    ),
 ];
