@@ -160,7 +160,7 @@ impl<S: Subject> Session<'_, S> {
             self.forget_settings();
         } else if self.is_at_prompt() {
             self.compare_settings(
-                keeps == Keeps::WithMotion && !self.tail.windows(4).any(|word| word == b"ERR "),
+                keeps == Keeps::WithMotion && !recovery::is_error(&String::from_utf8_lossy(&self.tail)),
             );
         } else {
             self.shadow.lose_step();

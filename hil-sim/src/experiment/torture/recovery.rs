@@ -152,7 +152,7 @@ fn rest<S: Subject>(session: &mut Session<'_, S>, ms: u64) {
     }
 }
 
-fn is_error(answer: &str) -> bool {
+pub(super) fn is_error(answer: &str) -> bool {
     answer.contains("ERR ")
 }
 

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use tater_wire::Property;
-use tater_wire::property::{Access, PropertySpec, ROWS, Stored};
+use tater_wire::property::{Access, ROWS, Stored};
 
 use super::case::MOTORS;
 
@@ -14,10 +14,13 @@ pub type Values = BTreeMap<Property, i64>;
 
 /// The settings of a board: what SAVE stores and nothing but an order changes. P moves with its motor.
 pub fn settings() -> impl Iterator<Item = Property> {
-    let is_setting = |row: &&PropertySpec| {
-        row.stored == Stored::Yes && row.access == Access::ReadWrite && row.property != Property::P
-    };
-    ROWS.iter().filter(is_setting).map(|row| row.property)
+    ROWS.iter().map(|row| row.property).filter(|&property| is_setting(property))
+}
+
+/// Whether a property is one of [`settings`].
+pub fn is_setting(property: Property) -> bool {
+    let row = property.row();
+    row.stored == Stored::Yes && row.access == Access::ReadWrite && property != Property::P
 }
 
 /// A board as its host may read it: how often it has started, and its settings.

@@ -1,12 +1,13 @@
 //! What the checks of one motor see and remember.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 
 use tater_wire::{Cmd, EndCode, ModeCode, MotorKind, Property};
 
 use super::measure::Worst;
 use crate::experiment::torture::case::{World, kind};
 use crate::experiment::torture::kinds::Kinds;
+use crate::experiment::torture::shadow::Values;
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 use crate::world::rig::{Bridge, Truth};
 
@@ -20,9 +21,6 @@ pub const MEMORY: usize = 40;
 /// Power of a source that seven motors at the torque that is free cannot exhaust, W: they take 370 W, 520 W if each had the least resistance
 /// (decision 0053).
 const SOURCE_W: f64 = 500.0;
-
-/// Values of properties.
-pub type Values = BTreeMap<Property, i64>;
 
 /// What a board has done, in the terms of the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

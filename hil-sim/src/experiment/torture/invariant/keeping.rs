@@ -1,10 +1,10 @@
 //! What a board keeps: counters, saved properties, and everything while it refuses.
 
-use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{Cmd, FaultCode, ModeCode, Property};
 
 use super::excuse::{CUT, DAMAGED};
-use super::joint::{Ground, Joint, Keeping, Seen, Values, View};
+use super::joint::{Ground, Joint, Keeping, Seen, View};
+use crate::experiment::torture::shadow::{self, Values, is_setting};
 
 /// Time without a flash operation after which everything queued is stored, ms: housekeeping queues ten times a second.
 const QUIET_MS: u64 = 150;
@@ -80,22 +80,16 @@ fn saves_or_forgets((order, value): (Property, i64), property: Property) -> bool
         }
 }
 
-/// The properties that SAVE stores and that nothing but an order changes.
-fn is_kept(property: Property) -> bool {
-    let row = property.row();
-    row.stored == Stored::Yes && row.access == Access::ReadWrite && property != Property::P
-}
-
 fn kept(view: &View) -> impl Iterator<Item = (Property, i64)> {
-    let properties = ROWS.iter().map(|row| row.property).filter(|&property| is_kept(property));
-    properties.filter_map(|property| Some((property, view.property(property)?)))
+    shadow::settings().filter_map(|property| Some((property, view.property(property)?)))
 }
 
 impl Keeping {
     fn saved(&mut self, view: &View) {
         for (at, seen) in view.seen.iter().enumerate() {
             let Some((order, value)) = seen.order() else { continue };
-            let one = u8::try_from(value).ok().and_then(Property::of).filter(|&property| is_kept(property));
+            let one =
+                u8::try_from(value).ok().and_then(Property::of).filter(|&property| is_setting(property));
             let all = value == -1 || order == Property::CMD;
             match order {
                 _ if order == Property::SAVE || order == Property::CMD && is_command(value, Cmd::Save) => {

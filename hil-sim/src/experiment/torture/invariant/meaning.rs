@@ -26,7 +26,7 @@ const UNDER_WAY: i64 = 80;
 
 /// Whether a motion of the errand is under way.
 fn is_under_way(joint: &Joint, view: &View) -> bool {
-    let mode = view.property(Property::MODE).and_then(ModeCode::of);
+    let mode = view.mode();
     let runs = match joint.meaning.errand {
         Errand::Moves => mode == Some(ModeCode::Trapezoidal),
         Errand::Presses => mode == Some(ModeCode::Velocity),
@@ -106,7 +106,8 @@ pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
     match EndCode::of(end)? {
         EndCode::Stalled => {
             let tstop = view.property(Property::TSTOP)?.unsigned_abs();
-            let least = tstop.min(CELLS_MS as u64) - tstop.min(CELLS_MS as u64) / 20;
+            let checked = tstop.min(CELLS_MS as u64);
+            let least = checked - checked / 20;
             // One that hunts about its goal gives up 2 s after TSTOP (docs/hand.md). HI has a goal that E does not say.
             let goal = match meaning.errand {
                 Errand::Homes => view.cell,
