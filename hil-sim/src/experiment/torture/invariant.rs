@@ -120,7 +120,7 @@ pub const INVARIANTS: &[Invariant] = &[
         "torque-within-mt",
         "the torque is at most MT, derated near OTEMP",
         "docs/properties.md, MT and OTEMP; decision 0014",
-        excuse::WITHIN_MT,
+        excuse::NONE,
         Check::Program(power::torque),
     ),
     row("duty-limit", "duty is at most 97 %", "decision 0005", excuse::NONE, Check::Program(power::duty)),

@@ -74,12 +74,6 @@ const LOADS: Kinds = Kinds::of(&[F::Push, F::Jam, F::BrakeStuckOn, F::BrakeStuck
 /// No excuse.
 pub const NONE: &[Excuse] = &[];
 
-/// Of torque-within-mt.
-pub const WITHIN_MT: &[Excuse] = &[anywhere(
-    &[F::BoardHang],
-    "a board that hangs with its bridge on upsets the bus of all, which makes the others brake",
-)];
-
 /// Of winding-temperature.
 pub const WINDING: &[Excuse] = &[LYING_WINDING];
 pub(super) const LYING_WINDING: Excuse = part(

@@ -93,8 +93,12 @@ pub fn brake(joint: &mut Joint, view: &View) -> Option<String> {
 
 /// Whether the bounds of the duty set the torque, which may brake harder than MT: that of 97 % a rotor that is faster than its voltage drives it
 /// (decision 0005), that of a high bus one that returns current (decision 0053).
-fn is_by_duty(view: &View) -> bool {
+fn is_by_duty(joint: &Joint, view: &View) -> bool {
     let Bridge::On { duty, .. } = view.bridge else { return false };
+    // At a few volts dead time takes more of the duty.
+    if view.truth.counts_per_s.abs() > joint.no_load(view.volts) {
+        return true;
+    }
     // The board has read the bus a tick ago.
     let read_v = view.property(Property::VBUS).map_or(0.0, |volts| volts as f64 / 10.0);
     duty.0.to_bits().unsigned_abs() >= DUTY - DEAD || view.volts.max(read_v) > RETURN_V
@@ -113,7 +117,7 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
     power.next = (power.next + 1) % MEMORY;
     let limit = power.limits.iter().copied().max().unwrap_or(0);
     let torque = view.property(Property::T)?.abs();
-    (torque > limit && !is_by_duty(view)).then(|| format!("torque {torque} beyond {limit}"))
+    (torque > limit && !is_by_duty(joint, view)).then(|| format!("torque {torque} beyond {limit}"))
 }
 
 pub fn duty(_: &mut Joint, view: &View) -> Option<String> {
