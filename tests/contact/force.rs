@@ -3,18 +3,15 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use kinematics::Hand;
 use tater_wire::{Cmd, MotorKind, Property};
 
 use super::{Bench, KINDS, LOOK_US};
+use hil_sim::hand::person::{DAMPING_S, N_PER_MM, lever_m, stiffness_n_m_rad};
 use hil_sim::plant::PlantParams;
 use hil_sim::rig::{Object, Side};
 
 /// Stiffness of what is met, N/mm: a tool of steel behind a finger's cover, a person's finger, a rubber ball.
-const OBJECTS: [(&str, f64); 3] = [("stiff", 300.0), ("person's finger", 30.0), ("soft", 3.0)];
-
-/// Damping of objects, s: its force is this part of the stiffness a unit of speed. Chosen: a fifth of critical for a link against a finger.
-const DAMPING_S: f64 = 4e-4;
+const OBJECTS: [(&str, f64); 3] = [("stiff", 300.0), ("person's finger", N_PER_MM), ("soft", 3.0)];
 
 /// MT of the table, and MV and MCV, counts/s: a slow approach, and the highest value, which no motor reaches.
 const TORQUES: [i64; 3] = [100, 400, 750];
@@ -22,16 +19,6 @@ const SPEEDS: [i64; 2] = [200, 4080];
 
 /// Where the object stands in the joint's range.
 const PLACE: f64 = 0.6;
-
-/// Distance of the contact from the joint's axis, m: the finger stretched, so that a link has its least force and its greatest speed.
-fn lever_m(kind: MotorKind) -> f64 {
-    let Hand { base_m, link_m, tip_m, .. } = Hand::default();
-    match kind {
-        MotorKind::Link => link_m + tip_m,
-        MotorKind::Spread => base_m + link_m + tip_m,
-        MotorKind::Tip => tip_m,
-    }
-}
 
 /// What an object felt.
 struct Squeeze {
@@ -47,7 +34,7 @@ struct Squeeze {
 fn squeeze(kind: MotorKind, n_per_mm: f64, mt: i64, speed: i64) -> Squeeze {
     let plant = PlantParams::for_motor(kind);
     let (lever_m, gear) = (lever_m(kind), plant.gear_ratio);
-    let stiffness = 1e3 * n_per_mm * (lever_m / gear).powi(2);
+    let stiffness = stiffness_n_m_rad(kind, n_per_mm);
     let object = Object {
         from_count: plant.min_count + PLACE * (plant.max_count - plant.min_count),
         stiffness_n_m_rad: stiffness,

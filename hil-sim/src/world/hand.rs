@@ -1,6 +1,7 @@
 //! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
 
 pub mod palm;
+pub mod person;
 pub mod scene;
 pub mod serial;
 pub mod state;

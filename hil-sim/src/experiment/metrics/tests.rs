@@ -38,6 +38,8 @@ fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
             peak_phase_a: 3.5,
             bus_charge_c: 0.0,
             load_n_m: 0.0,
+            finger_n_m: 0.0,
+            finger_j: 0.0,
             winding_c: 30.0,
             housing_c: 25.0,
             brake_engaged: false,

@@ -7,9 +7,11 @@
 //! the energy balance to rounding. Cogging is linear about the middle of each step. Standstill is an exact state, entered at the instant
 //! of zero velocity.
 
+use std::cell::Cell;
+
 use super::params::{PlantParams, RAD_PER_COUNT};
 
-/// A joint's own contacts, before those of objects.
+/// A joint's stops, the first of its contacts; a person's finger, if there is one, and objects follow.
 const STOPS: usize = 2;
 
 /// Cogging periods per turn of the motor: the least common multiple of 9 slots and 6 poles, the usual pair; once a count.
@@ -80,12 +82,16 @@ pub struct Joint {
     /// rad/(N·m).
     compliance: f64,
     contacts: Vec<Contact>,
+    /// The person's finger among them.
+    finger: Option<Contact>,
     /// Where the rotor is when the joint meets each contact.
     meetings: Vec<f64>,
     /// Positions of the joint between which it presses no contact.
     clear: (f64, f64),
     /// Torque of a load on the joint, N·m at the motor.
     disturbance: f64,
+    /// Where the joint was last behind which rotor: a motor that stands and presses asks at each step.
+    last: Cell<Option<(f64, Behind)>>,
 }
 
 /// Torque that the gear transmits to the rotor, linear about a position.
@@ -96,7 +102,7 @@ struct Load {
 }
 
 /// The joint behind the gear.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Behind {
     /// Its position, rad at the motor.
     theta: f64,
@@ -140,9 +146,11 @@ impl Joint {
             backlash: p.backlash_counts * RAD_PER_COUNT,
             compliance: p.gear_rad_n_m,
             contacts,
+            finger: None,
             meetings: Vec::new(),
             clear: (0.0, 0.0),
             disturbance: 0.0,
+            last: Cell::new(None),
         };
         joint.place_contacts();
         joint
@@ -150,6 +158,7 @@ impl Joint {
 
     /// What depends on contacts and load only: each step asks for it.
     fn place_contacts(&mut self) {
+        self.last.set(None);
         self.meetings = self.contacts.iter().map(|c| self.meets(c)).collect();
         let from = |side: f64| self.contacts.iter().filter(move |c| c.side == side).map(|c| c.from);
         self.clear = (from(-1.0).fold(f64::NEG_INFINITY, f64::max), from(1.0).fold(f64::INFINITY, f64::min));
@@ -161,9 +170,34 @@ impl Joint {
         self.disturbance == 0.0 && rotor - half >= self.clear.0 && rotor + half <= self.clear.1
     }
 
-    /// Replaces the objects in the joint's way; its stops remain.
+    /// Where objects begin among the contacts.
+    fn own(&self) -> usize {
+        STOPS + usize::from(self.finger.is_some())
+    }
+
+    /// Puts a person's finger into the joint's way, or takes it out.
+    pub fn set_finger(&mut self, finger: Option<Contact>) {
+        self.contacts.splice(STOPS..self.own(), finger);
+        self.finger = finger;
+        self.place_contacts();
+    }
+
+    /// What a person's finger in the joint's way feels, N·m at the motor, and the energy that it stores, J.
+    #[must_use]
+    pub fn on_finger(&self, shaft: &Shaft) -> (f64, f64) {
+        let Some(finger) = self.finger else { return (0.0, 0.0) };
+        let depth = finger.side * (self.position(shaft.theta) - finger.from);
+        if depth <= 0.0 {
+            return (0.0, 0.0);
+        }
+        let speed = (finger.side * shaft.omega).max(0.0);
+        let stored = 0.5 * finger.stiffness * depth * depth;
+        (finger.stiffness * depth + finger.damping * speed, stored)
+    }
+
+    /// Replaces the objects in the joint's way; its stops and a finger remain.
     pub fn set_objects(&mut self, objects: &[Contact]) {
-        self.contacts.truncate(STOPS);
+        self.contacts.truncate(self.own());
         self.contacts.extend_from_slice(objects);
         self.place_contacts();
     }
@@ -219,6 +253,17 @@ impl Joint {
 
     /// The joint behind a rotor's position.
     fn behind(&self, rotor: f64) -> Behind {
+        match self.last.get() {
+            Some((at, behind)) if at.to_bits() == rotor.to_bits() => behind,
+            _ => {
+                let behind = self.find_behind(rotor);
+                self.last.set(Some((rotor, behind)));
+                behind
+            }
+        }
+    }
+
+    fn find_behind(&self, rotor: f64) -> Behind {
         let half = 0.5 * self.backlash;
         let at = |theta: f64| {
             let (torque, stiffness) = self.torque_at(theta);
@@ -270,7 +315,7 @@ impl Joint {
     #[must_use]
     pub fn objects_j(&self, theta: f64) -> f64 {
         let joint = self.position(theta);
-        self.contacts[STOPS..].iter().map(|c| c.stored_j(joint)).sum()
+        self.contacts[self.own()..].iter().map(|c| c.stored_j(joint)).sum()
     }
 
     /// Kinetic energy, J.

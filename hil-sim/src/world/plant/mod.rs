@@ -256,10 +256,25 @@ impl Plant {
 
     /// Replaces the objects in the joint's way. The change of spring energy is booked on the disturbance.
     pub fn set_objects(&mut self, objects: &[Contact]) {
+        self.replace(|joint| joint.set_objects(objects));
+    }
+
+    /// Puts a person's finger into the joint's way, or takes it out. The change of spring energy is booked as that of objects.
+    pub fn set_finger(&mut self, finger: Option<Contact>) {
+        self.replace(|joint| joint.set_finger(finger));
+    }
+
+    /// What that finger feels, N·m at the motor, and the energy that it stores, J.
+    #[must_use]
+    pub fn on_finger(&self) -> (f64, f64) {
+        self.joint.on_finger(&self.state.shaft)
+    }
+
+    fn replace(&mut self, change: impl FnOnce(&mut Joint)) {
         self.rests_under = None;
         let theta = self.state.shaft.theta;
         let before = self.joint.spring_j(theta);
-        self.joint.set_objects(objects);
+        change(&mut self.joint);
         self.state.ledger.disturbance_j += self.joint.spring_j(theta) - before;
     }
 

@@ -78,6 +78,10 @@ pub struct Truth {
     pub bus_charge_c: f64,
     /// Torque of contacts and disturbance, referred to the motor through a lossless gear, N·m; positive closes.
     pub load_n_m: f64,
+    /// What a person's finger in the joint's way feels, N·m at the motor.
+    pub finger_n_m: f64,
+    /// Energy that it stores, J.
+    pub finger_j: f64,
     /// Winding temperature, °C.
     pub winding_c: f64,
     /// Housing temperature, °C.
@@ -275,6 +279,11 @@ impl Rig {
     /// See [`Plant::set_objects`].
     pub fn set_objects(&mut self, objects: &[Contact]) {
         self.plant.set_objects(objects);
+    }
+
+    /// See [`Plant::set_finger`].
+    pub fn set_finger(&mut self, finger: Option<Contact>) {
+        self.plant.set_finger(finger);
     }
 
     /// Position of the joint behind the gear's play and twist, counts of the motor.
@@ -554,6 +563,7 @@ impl Rig {
     pub fn truth(&self) -> Truth {
         let s = self.plant.state();
         let heat = self.plant.heat();
+        let (finger_n_m, finger_j) = self.plant.on_finger();
         Truth {
             t_us: s.t_us,
             counts: self.plant.counts(),
@@ -563,6 +573,8 @@ impl Rig {
             peak_phase_a: self.peak_phase_a,
             bus_charge_c: s.bus_charge,
             load_n_m: s.shaft.load,
+            finger_n_m,
+            finger_j,
             winding_c: heat.winding_c,
             housing_c: heat.housing_c,
             brake_engaged: self.brake_engaged,
