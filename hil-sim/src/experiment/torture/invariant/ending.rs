@@ -178,6 +178,10 @@ pub fn hold(joint: &mut Joint, view: &View) -> Option<String> {
         // It may have changed HOLD, or ended or begun a motion itself.
         return None;
     }
+    if view.seen.iter().any(|seen| matches!(seen, Seen::Ended { .. })) {
+        // The hold that follows may stall as well, and then HOLD says what follows.
+        joint.ending.orderer = Orderer::Other;
+    }
     view.seen.iter().find_map(|seen| {
         let Seen::Ended { end, mode } = seen else { return None };
         if orderer == Orderer::Unknown {

@@ -17,8 +17,9 @@ pub(super) const STRAIN_MS: u32 = 2;
 const LOADED: f64 = 1.3;
 
 /// Ticks within which it must: 10 ms of BT, and until it is slower than a quarter of its set-point, which halls show by the time since the last
-/// count: 4 counts at that speed. Half as much again for both.
-pub(super) const BREAKS_AWAY_MS: u32 = 60;
+/// count: 4 counts at that speed. That is MV, or some 160 counts/s of a move that is held in its first counts (67 ms in the long seed 8). Half as
+/// much again for both.
+pub(super) const BREAKS_AWAY_MS: u32 = 100;
 const BREAKS_AWAY_COUNTS: u32 = 6;
 
 /// Counts before E from which on a set-point still moves while its link lags by the few counts that make up a torque.
