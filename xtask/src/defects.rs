@@ -22,7 +22,7 @@ use crate::{Failure, files, outcome::say};
 use board::{Board, progress};
 use list::{Defect, Plant};
 use tree::Tree;
-use trial::{Found, Simulator, Trial};
+use trial::{Found, PER_LONG, Simulator, Trial};
 
 const SEEDS: u64 = 1000;
 
@@ -35,7 +35,7 @@ pub struct DefectsArgs {
     /// Defects or invariants; all defects without one
     #[arg(value_name = "NAME")]
     names: Vec<String>,
-    /// Most seeds for each defect, from 0 on; with 0 only the tables are made again, after a change of the list
+    /// Most seeds for each defect, from 0 on, of the long ones a fiftieth; with 0 only the tables are made again, after a change of the list
     #[arg(long, value_name = "N", default_value_t = SEEDS)]
     seeds: u64,
     /// Run the unit tests of the firmware instead of torture
@@ -106,8 +106,18 @@ fn torture(
         let until = if or_endless { &every } else { &defect.invariants };
         let results = folder.join(&defect.name);
         let simulator = Simulator { path, planted };
-        let trial =
-            Trial { simulator, unchanged: &unchanged, results: &results, seeds, jobs, until, or_endless };
+        let is_long = defect.is_long;
+        let seeds = if is_long { seeds.div_ceil(PER_LONG) } else { seeds };
+        let trial = Trial {
+            simulator,
+            unchanged: &unchanged,
+            results: &results,
+            seeds,
+            is_long,
+            jobs,
+            until,
+            or_endless,
+        };
         let found = trial.run().map_err(|error| format!("{}: {error}", defect.name))?;
         let by = found.caught.as_ref().map(|(_, name)| name.as_str());
         let notes = Some(found.notes())
@@ -115,7 +125,7 @@ fn torture(
             .map(|notes| format!("; before it: {notes}"));
         let notes = notes.unwrap_or_default();
         progress(&format!("{}: {} after {} seeds{notes}", defect.name, by.unwrap_or("nothing"), found.seeds));
-        board.record(defect, |row| row.tortured(by, found.seeds, found.simulated_s))?;
+        board.record(defect, |row| row.tortured(by, found.seeds, is_long, found.simulated_s))?;
         judge(defect, &found, seeds).map_err(|error| format!("{}: {error}", defect.name))
     };
     // One core each: so the seeds before a find are the same on every machine.

@@ -22,6 +22,8 @@ pub struct Defect {
     pub origin: Origin,
     /// What is wrong, as one sentence.
     pub what: String,
+    /// It shows only after minutes: the long seeds are played.
+    pub is_long: bool,
     /// Why no check finds it: a hole in the chamber, stated.
     pub missed: Option<String>,
 }
@@ -113,6 +115,7 @@ fn entry(row: &Value, number: usize) -> Result<Defect, String> {
         plant,
         origin,
         what: field(row, "what")?,
+        is_long: row["long"].as_bool().unwrap_or(false),
         missed: optional(row, "missed"),
     })
 }

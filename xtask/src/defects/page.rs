@@ -25,9 +25,10 @@ pub struct Row {
 }
 
 impl Row {
-    pub fn tortured(self, by: Option<&str>, seeds: u64, simulated_s: f64) -> Self {
+    pub fn tortured(self, by: Option<&str>, seeds: u64, is_long: bool, simulated_s: f64) -> Self {
         let by = by.unwrap_or(NOTHING).to_owned();
-        Self { by, seeds: seeds.to_string(), simulated_s: format!("{simulated_s:.0}"), ..self }
+        let seeds = if is_long { format!("{seeds} long") } else { seeds.to_string() };
+        Self { by, seeds, simulated_s: format!("{simulated_s:.0}"), ..self }
     }
 
     pub fn unit_tested(self, found: bool) -> Self {
@@ -232,8 +233,8 @@ mod tests {
         let all = defects();
         let all: Vec<&Defect> = all.iter().collect();
         let mut rows = Rows::new();
-        rows.insert("y".into(), Row::default().tortured(Some("b"), 7, 99.6).unit_tested(false));
-        rows.insert("z".into(), Row::default().tortured(None, 300, 4000.0).unit_tested(true));
+        rows.insert("y".into(), Row::default().tortured(Some("b"), 7, false, 99.6).unit_tested(false));
+        rows.insert("z".into(), Row::default().tortured(None, 300, false, 4000.0).unit_tested(true));
         let text = made(&all, &rows);
         for line in [
             "| x | chosen | a, b | elsewhere: t |  |  |  |",

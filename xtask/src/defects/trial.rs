@@ -14,6 +14,9 @@ use crate::program::typed;
 /// Seeds of one start of the simulator, so that a seed without an end is noticed.
 const PART: u64 = 20;
 
+/// Short seeds that take as long as one of `hil-sim torture --long`.
+pub const PER_LONG: u64 = 50;
+
 /// Time for one seed on a busy core, on average: 0.3 s on a quiet one, and four times as long where boards do not answer.
 const SEED: Duration = Duration::from_secs(20);
 
@@ -35,6 +38,8 @@ pub struct Trial<'a> {
     /// Where the simulator's output is kept: its name without `.json` and `.txt`.
     pub results: &'a Path,
     pub seeds: u64,
+    /// Whether they are the long ones.
+    pub is_long: bool,
     pub jobs: usize,
     /// The invariants of which one must break.
     pub until: &'a [String],
@@ -105,7 +110,7 @@ impl Trial<'_> {
     ) -> Result<Found, String> {
         let mut found = Found::default();
         while found.seeds < self.seeds {
-            let (at, seeds) = (found.seeds, PART.min(self.seeds - found.seeds));
+            let (at, seeds) = (found.seeds, self.part().min(self.seeds - found.seeds));
             let Some(part) = play(at, seeds)? else {
                 if without(at, seeds)?.is_none() {
                     return Err(format!(
@@ -138,17 +143,24 @@ impl Trial<'_> {
         Ok(found)
     }
 
+    /// Seeds of one start.
+    const fn part(&self) -> u64 {
+        if self.is_long { 1 } else { PART }
+    }
+
     fn play(&self, simulator: Simulator, at: u64, seeds: u64) -> Result<Option<Part>, String> {
         let mut command = simulator.torture();
         command.args(["--seed", &at.to_string(), "--seeds", &seeds.to_string(), "--json", "--no-shrink"]);
         command.args(["--jobs", &self.jobs.to_string(), "--until", &self.until.join(",")]);
+        command.args(self.is_long.then_some("--long"));
         let (results, messages) = (self.results.with_extension("json"), self.results.with_extension("txt"));
         let file = |path: &Path| File::create(path).map_err(|error| format!("{}: {error}", path.display()));
         // Files, not pipes: nobody reads before the end.
         command.stdin(Stdio::null()).stdout(file(&results)?).stderr(file(&messages)?);
         let line = typed(&command);
         let explained = |error: String| format!("{error}\n  repeat with: {line}");
-        let deadline = SEED * u32::try_from(seeds).unwrap_or(u32::MAX);
+        let short = if self.is_long { PER_LONG * seeds } else { seeds };
+        let deadline = SEED * u32::try_from(short).unwrap_or(u32::MAX);
         let ended = ended(&mut command, deadline).map_err(&explained)?;
         if let Some(status) = ended.filter(|status| !matches!(status.code(), Some(0 | 1))) {
             return Err(explained(status.to_string()));
@@ -233,6 +245,7 @@ mod tests {
             unchanged: nowhere,
             results: nowhere,
             seeds: 50,
+            is_long: false,
             jobs: 1,
             until: &until,
             or_endless,
