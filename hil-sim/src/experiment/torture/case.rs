@@ -27,6 +27,13 @@ const LONG_FAULT_MS: u64 = 90_000;
 /// One seed in so many meets something of the boards' identity, by each of the ways.
 const RARELY: u32 = 16;
 
+/// One long seed in so many has a rest, of 36 to 80 minutes: a clock of 32 bits in µs passes half of its range, and its end after 72 minutes.
+const RESTS: u32 = 4;
+const REST_MS: std::ops::Range<u64> = 2_160_000..4_800_000;
+
+/// One seed in so many meets a person's fingers.
+const FINGERS: u32 = 8;
+
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
@@ -127,7 +134,19 @@ impl Case {
             }
         }
         let case = Self { seed, world, is_long, is_plain, steps, faults, stop_ms };
-        if is_long { case } else { case.with_outsiders() }
+        if is_long { case.with_fingers().with_rest() } else { case.with_outsiders().with_fingers() }
+    }
+
+    /// Puts a person's fingers in the way of one seed in [`FINGERS`]. Drawn apart, as [`Self::with_outsiders`].
+    fn with_fingers(mut self) -> Self {
+        let mut rng = rng(self.seed, 7);
+        if rng.random_ratio(1, FINGERS) {
+            for _ in 0..rng.random_range(1..=12) {
+                self.faults.push(Fault::draw(FaultKind::Finger, &mut rng, self.stop_ms));
+            }
+            self.faults.sort_by_key(|fault| fault.from_ms);
+        }
+        self
     }
 
     /// Gives one seed in [`RARELY`] a second board with the number of another, one a host that changes who a board is, and one another hand's host. Drawn apart, so
@@ -151,6 +170,23 @@ impl Case {
                 at_ms += pause_ms;
             }
             self.steps.sort_by_key(|step| step.at_ms);
+        }
+        self
+    }
+
+    /// Lets the host rest in one long program of [`RESTS`], from then on everything is later: clocks and counters pass their ends. Drawn apart, as
+    /// [`Self::with_outsiders`].
+    fn with_rest(mut self) -> Self {
+        let mut rng = rng(self.seed, 8);
+        if rng.random_ratio(1, RESTS) {
+            let (at_ms, for_ms) = (rng.random_range(0..self.stop_ms), rng.random_range(REST_MS));
+            for step in self.steps.iter_mut().filter(|step| step.at_ms >= at_ms) {
+                step.at_ms += for_ms;
+            }
+            for fault in self.faults.iter_mut().filter(|fault| fault.from_ms >= at_ms) {
+                fault.from_ms += for_ms;
+            }
+            self.stop_ms += for_ms;
         }
         self
     }

@@ -8,13 +8,14 @@ use tater_fw::{Board, Flash};
 use tater_wire::memory::{PAGE, STORAGE};
 use tater_wire::{Frame, Message, Node as Id, Property};
 
-use super::case::{Case, Fault, MOTORS, rng};
+use super::case::{Case, Fault, MOTORS, kind, rng};
 use super::invariant::AFTERMATH_MS;
 use super::kinds::{FaultKind, Kinds, Place};
+use super::lines::one;
 use super::program;
 use crate::world::board::SimBoard;
 use crate::world::bus::{Fate, Medium};
-use crate::world::hand::{Hand, Motorized};
+use crate::world::hand::{Hand, Motorized, person};
 use crate::world::node::Node;
 use crate::world::plant::Model;
 use crate::world::rig::flash::SimFlash;
@@ -70,6 +71,12 @@ impl Subject for Node {
         self.board().is_brake_released()
     }
 }
+
+/// A joint that is faster goes somewhere, counts/s.
+const GOING: f64 = 20.0;
+
+/// Most counts from a joint to a finger in its way: what it does in half a second at full speed.
+const FINGER_COUNTS: f64 = 500.0;
 
 /// The serial number of a spare board's chip; those of the hand's are below it.
 const SPARE_CHIP: u16 = 4711;
@@ -378,6 +385,7 @@ fn raise_at_board<S: Subject>(board: &mut S, fault: &Fault, rng: &mut Pcg64Mcg, 
         FaultKind::BrakeStuckOff => board.rig_mut().stick_brake(Some(false)),
         FaultKind::Jam => board.rig_mut().jam(rng.random_range(0.7..5.0)),
         FaultKind::Push => board.rig_mut().set_disturbance(rng.random_range(-0.2..0.2)),
+        FaultKind::Finger => meet(board, fault.motor, rng),
         FaultKind::PowerCut => board.set_power(false),
         FaultKind::BoardReset if is_on => board.set_power(true),
         FaultKind::ClockDrift => {
@@ -407,6 +415,16 @@ fn with_native<S: Subject>(board: &mut S, act: impl FnOnce(&mut Node)) {
     if let Some(node) = board.native_mut() {
         act(node);
     }
+}
+
+/// Puts a person's finger before a joint: where it goes, if it does.
+fn meet<S: Subject>(board: &mut S, motor: usize, rng: &mut Pcg64Mcg) {
+    let rig = board.rig_mut();
+    let speed = rig.truth().counts_per_s;
+    let side = if speed.abs() > GOING { speed.signum() } else { *one(rng, &[-1.0, 1.0]) };
+    let at_count = rig.joint_counts() + side * rng.random_range(0.0..FINGER_COUNTS);
+    let finger = person::finger(kind(motor as u8 + 1), at_count, side);
+    rig.set_finger(Some(finger));
 }
 
 /// SAVE of all, so that the flash is busy.
@@ -493,6 +511,7 @@ fn heal_at_board<S: Subject>(board: &mut S, kind: FaultKind, is_on: bool) {
         FaultKind::BrakeStuckOn | FaultKind::BrakeStuckOff => board.rig_mut().stick_brake(None),
         FaultKind::Jam => board.rig_mut().jam(0.0),
         FaultKind::Push => board.rig_mut().set_disturbance(0.0),
+        FaultKind::Finger => board.rig_mut().set_finger(None),
         FaultKind::PowerCut if is_on => board.set_power(true),
         FaultKind::FlashCut => with_native(board, |node| {
             node.board_mut().flash().cancel_cut();

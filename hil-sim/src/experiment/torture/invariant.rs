@@ -12,6 +12,7 @@ mod joint;
 mod keeping;
 mod meaning;
 pub mod measure;
+mod person;
 mod power;
 pub mod promise;
 mod truth;
@@ -195,6 +196,13 @@ pub const INVARIANTS: &[Invariant] = &[
         Check::Program(contact::torque),
     ),
     row(
+        "finger-energy",
+        "a person's finger, 30 N/mm, takes no more energy than the rotor brings to it and MT gives, in HI IHIT, and feels at most 350 N",
+        "docs/force.md; docs/safety.md",
+        excuse::FINGER,
+        Check::Program(person::energy),
+    ),
+    row(
         "strain-ends",
         "a move, TC and TO end at once outside LSG and HSG",
         "manual 5.3.1 (HSG, LSG); docs/properties.md, END",
@@ -203,7 +211,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "breaks-away",
-        "a link that stands under more than BT in the middle of a move breaks away within 60 ms and six counts of MV",
+        "a link that stands under more than BT in the middle of a move breaks away within 100 ms and six counts of MV",
         "manual 5.1.2 (BT); docs/safety.md",
         excuse::UNSEEN,
         Check::Program(meaning::breakaway),

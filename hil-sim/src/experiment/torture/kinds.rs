@@ -189,6 +189,8 @@ table! {
         "ERR 8192 above the hand's OTEMP; TEMP and PTEMP", "-";
     SameNumber = "same-number", Motor, "a second board with the number of this one is on the bus, and obeys its orders",
         "ERR 1 from G STAT, WAKE, HI, and from motions once its answers differ; `ERR 1` names both", "unplugging it";
+    Finger = "finger", Motor, "a person's finger is in the way of the joint",
+        "END 2 (stall); HI may take it for the stop", "HI";
 }
 
 /// The kinds from which each seed draws its own. Later ones are drawn apart ([`super::case`]), so that the seeds before them stay what they were.

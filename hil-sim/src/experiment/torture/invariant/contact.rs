@@ -21,7 +21,7 @@ pub(super) const STILL: f64 = 1.0;
 
 /// A torque above MT (docs/safety.md): from a quarter of it, for so long, ms, and with so much beyond MT, mN·m·s, for motors whose R, Ke and inertia
 /// are 30 % off and halls 10°. The thousand seeds of ci stay below.
-const ABOVE: f64 = 1.25;
+pub(super) const ABOVE: f64 = 1.25;
 pub(super) const ABOVE_MS: u32 = 12;
 pub(super) const ABOVE_M_N_M_S: f64 = 2.5;
 
@@ -111,7 +111,7 @@ pub(super) fn presses(view: &View) -> bool {
 
 /// The torque limit that the documents state: MT, and towards the stop of HI no more than IHIT until the second contact, while it runs in mode 4. The way
 /// to IOFF is a move under MT: with IOFF 0 a spread presses its stop with up to 350 units on it.
-fn limit(joint: &Joint, view: &View) -> Option<f64> {
+pub(super) fn limit(joint: &Joint, view: &View) -> Option<f64> {
     let (mt, ihit, ivel) =
         (view.property(Property::MT)?, view.property(Property::IHIT)?, view.property(Property::IVEL)?);
     let seeks = joint.meaning.errand == Errand::Homes

@@ -137,6 +137,16 @@ pub const TORQUE: &[Excuse] = &[
     here(Kinds::of(&[F::BoardHang]), "a board that hangs keeps its bridge on"),
 ];
 
+/// Of finger-energy.
+pub const FINGER: &[Excuse] = &[
+    here(
+        LYING_HALLS.union(LYING_SENSORS),
+        "lines, a bus voltage or a current that lie leave the EMF unjudged",
+    ),
+    here(Kinds::of(&[F::BoardHang]), "a board that hangs keeps its bridge on"),
+    here(Kinds::of(&[F::Push]), "the load from outside presses as well"),
+];
+
 /// Of breaks-away and end-is-true.
 pub const UNSEEN: &[Excuse] = &[here(
     LYING_HALLS.union(LYING_SENSORS),
@@ -185,6 +195,6 @@ pub(super) const UNSEEN_COUNT: Excuse = part(
     "a wrong position is found out within 1 s: standing, a board cannot tell such a line from a count; a position that is named meanwhile may be off by one more",
 );
 pub(super) const HOMED_ELSEWHERE: Excuse = part(
-    LYING_HALLS.union(Kinds::of(&[F::Push])),
+    LYING_HALLS.union(Kinds::of(&[F::Push, F::Finger])),
     "from then on a zero of HI may be elsewhere: HI takes the place where it is held for its stop",
 );

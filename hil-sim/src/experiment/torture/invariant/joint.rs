@@ -143,6 +143,7 @@ impl View<'_> {
 
 /// What the checks of one motor remember.
 pub struct Joint {
+    pub(super) kind: MotorKind,
     pub(super) plant: PlantParams,
     pub(super) has_brake: bool,
     /// The source has the power that the boards may take without fold-back.
@@ -155,6 +156,7 @@ pub struct Joint {
     pub(super) pushed: bool,
     pub(super) power: Power,
     pub(super) contact: Contact,
+    pub(super) touch: Touch,
     pub(super) ending: Ending,
     pub(super) keeping: Keeping,
     pub(super) truth: Trust,
@@ -241,6 +243,19 @@ pub struct Contact {
     pub tstop: u64,
     pub waits_ms: u64,
     pub cell: i64,
+}
+
+/// A person's finger that the joint touches.
+#[derive(Debug, Default)]
+pub struct Touch {
+    /// Where the rotor was at the last tick without a touch, counts, and its speed, rad/s.
+    pub from: f64,
+    pub speed: f64,
+    /// The greatest torque that has been permitted since, N·m.
+    pub permitted_n_m: f64,
+    pub touched_ms: u32,
+    pub apart_ms: u32,
+    pub impulse_n_s: f64,
 }
 
 #[derive(Debug, Default)]
@@ -386,8 +401,10 @@ impl Joint {
     /// The world has no such motor.
     #[must_use]
     pub fn new(world: &World, motor: usize) -> Self {
+        let of = kind(motor as u8 + 1);
         Self {
-            has_brake: kind(motor as u8 + 1) == MotorKind::Spread,
+            kind: of,
+            has_brake: of == MotorKind::Spread,
             has_strong_source: world.source.0 * world.source.1 >= SOURCE_W,
             plant: world.plants[motor].clone(),
             fastest: 0.0,
@@ -395,6 +412,7 @@ impl Joint {
             pushed: false,
             power: Power::default(),
             contact: Contact::default(),
+            touch: Touch::default(),
             ending: Ending::default(),
             keeping: Keeping::default(),
             meaning: Meaning::default(),

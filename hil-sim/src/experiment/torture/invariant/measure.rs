@@ -9,6 +9,12 @@ pub enum Measure {
     AboveImpulse,
     /// What holds a driven motor is pressed for so long after TSTOP, ms.
     HeldMs,
+    /// A person's finger feels so much, N; gets so much of it in half a second, N·s; and holds so much energy, J.
+    FingerNewton,
+    /// See `FingerNewton`.
+    FingerImpulse,
+    /// See `FingerNewton`.
+    FingerJoule,
     /// A move goes on outside LSG and HSG for so long, ms.
     StrainMs,
     /// A link that stands under 1.3 of BT carries it for so long, and six counts at MV longer, ms.

@@ -1,7 +1,7 @@
 //! The promises of docs/safety.md that the checks measure, with their bounds.
 
 use super::measure::Measure;
-use super::{contact, meaning, power};
+use super::{contact, meaning, person, power};
 
 /// A promise.
 pub struct Promise {
@@ -55,6 +55,30 @@ pub const PROMISES: &[Promise] = &[
         contact::STALL_SLACK_MS as f64,
         "stall-ends-force",
         "tests/contact/stalls.rs",
+    ),
+    row(
+        Measure::FingerNewton,
+        "finger-n",
+        "a person's finger feels so much, at any speed and MT, N",
+        person::NEWTON,
+        "finger-energy",
+        "tests/contact/force.rs",
+    ),
+    row(
+        Measure::FingerImpulse,
+        "finger-Ns",
+        "and so much in half a second, N·s",
+        person::NEWTON_SECONDS,
+        "finger-energy",
+        "tests/contact/force.rs",
+    ),
+    row(
+        Measure::FingerJoule,
+        "finger-J",
+        "and takes so much energy, J",
+        person::JOULE,
+        "finger-energy",
+        "tests/contact/force.rs",
     ),
     row(
         Measure::StrainMs,
