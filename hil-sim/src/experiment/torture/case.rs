@@ -8,6 +8,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::identity;
 use super::kinds::{DRAWN, FaultKind, Place};
+use super::lines::one;
 use super::outside;
 use super::program::{Act, Program, Step};
 use crate::world::plant::PlantParams;
@@ -26,6 +27,9 @@ const LONG_FAULT_MS: u64 = 90_000;
 
 /// One seed in so many meets something of the boards' identity, by each of the ways.
 const RARELY: u32 = 16;
+
+/// One long seed in so many has boards that start anew while their motors are hot.
+const HOT_STARTS: u32 = 2;
 
 /// One long seed in so many has a rest, of 36 to 80 minutes: a clock of 32 bits in µs passes half of its range, and its end after 72 minutes.
 const RESTS: u32 = 4;
@@ -134,7 +138,11 @@ impl Case {
             }
         }
         let case = Self { seed, world, is_long, is_plain, steps, faults, stop_ms };
-        if is_long { case.with_fingers().with_rest() } else { case.with_outsiders().with_fingers() }
+        if is_long {
+            case.with_fingers().with_hot_starts().with_rest()
+        } else {
+            case.with_outsiders().with_fingers()
+        }
     }
 
     /// Puts a person's fingers in the way of one seed in [`FINGERS`]. Drawn apart, as [`Self::with_outsiders`].
@@ -170,6 +178,24 @@ impl Case {
                 at_ms += pause_ms;
             }
             self.steps.sort_by_key(|step| step.at_ms);
+        }
+        self
+    }
+
+    /// Starts boards anew while their motors are hot, in one long program of [`HOT_STARTS`]. Drawn apart, as [`Self::with_outsiders`].
+    fn with_hot_starts(mut self) -> Self {
+        let mut rng = rng(self.seed, 9);
+        let presses: Vec<u64> =
+            self.steps.iter().filter(|step| step.act.heats()).map(|step| step.at_ms).collect();
+        if rng.random_ratio(1, HOT_STARTS) && !presses.is_empty() {
+            for _ in 0..rng.random_range(1..=12) {
+                let kind =
+                    *one(&mut rng, &[FaultKind::BoardReset, FaultKind::PowerCut, FaultKind::HandPowerCut]);
+                let from_ms = *one(&mut rng, &presses) + rng.random_range(0..2_000);
+                self.faults.push(Fault { from_ms, ..Fault::draw(kind, &mut rng, self.stop_ms) });
+            }
+            self.faults.retain(|fault| fault.from_ms < self.stop_ms);
+            self.faults.sort_by_key(|fault| fault.from_ms);
         }
         self
     }

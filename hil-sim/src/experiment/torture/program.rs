@@ -47,6 +47,14 @@ pub enum Act {
     },
 }
 
+impl Act {
+    /// Whether it is a motion that presses.
+    #[must_use]
+    pub fn heats(&self) -> bool {
+        matches!(self, Self::Line { text, .. } if HEATING.contains(&text.as_str()))
+    }
+}
+
 /// A step of the host's program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
