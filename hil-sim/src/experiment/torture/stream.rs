@@ -4,9 +4,9 @@ use super::fault::Subject;
 use super::invariant::STREAMS;
 use super::session::Session;
 
-/// The layout: velocity and gain in; velocity, position in four bytes and its change in units of [`CHANGE`] out.
-const LAYOUT: &str = "1FSET LCV 1 LCVC 8 LCPG 1 LFV 1 LFVC 8 LFS 0 LFAP 1 LFDP 1 LFDPC 3";
-const CHANGE: i64 = 3;
+/// The layout: velocity and gain in; velocity, position in four bytes and its change in GCL counts out, of which a block takes less than a motor at
+/// full velocity makes: the next ones take the rest.
+const LAYOUT: &str = "1FSET LCV 1 LCVC 8 LCPG 1 LFV 1 LFVC 8 LFS 0 LFAP 1 LFDP 1 LFDPC 1";
 const COEFFICIENT: f64 = 8.0;
 
 /// Blocks, the pause after each, ms, and how many of them move the finger, by a velocity of 160 counts/s with a gain that is not KPV's default.
@@ -18,6 +18,9 @@ const GAIN: u8 = 48;
 
 /// GCL counts of a hall count (docs/hand.md).
 const GCL: f64 = 55.0;
+
+/// Changes that a block cannot pass.
+const FULL: [i64; 2] = [i8::MIN as i64, i8::MAX as i64];
 
 /// Bytes of an answer: `*`, velocity, position, change.
 const ANSWER: usize = 7;
@@ -73,14 +76,14 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
                 format!("block {block} of LOOP is answered by {:?}", session.tail.escape_ascii().to_string());
             return session.fail(STREAMS, 1, found);
         };
-        told += CHANGE * answer.change;
+        told += answer.change;
         let (counts, speed) = truth(session);
         let off = (answer.position - from) as f64 / GCL - (counts - first);
         let found = if off.abs() > OFF_COUNTS {
             format!("LFAP is {off:.1} counts from the rotor's way")
         } else if (answer.velocity - speed).abs() > OFF_COUNTS_PER_S {
             format!("LFV says {} counts/s, the rotor has {speed:.0}", answer.velocity)
-        } else if (answer.position - told).abs() >= CHANGE {
+        } else if answer.position != told && !FULL.contains(&answer.change) {
             format!("the sum of LFDP is {told}, LFAP {}", answer.position)
         } else {
             String::new()
