@@ -138,11 +138,13 @@ impl Case {
             }
         }
         let case = Self { seed, world, is_long, is_plain, steps, faults, stop_ms };
-        if is_long {
+        let mut case = if is_long {
             case.with_fingers().with_hot_starts().with_rest()
         } else {
             case.with_outsiders().with_fingers()
-        }
+        };
+        case.faults.sort_by_key(|fault| fault.from_ms);
+        case
     }
 
     /// Puts a person's fingers in the way of one seed in [`FINGERS`]. Drawn apart, as [`Self::with_outsiders`].
@@ -152,7 +154,6 @@ impl Case {
             for _ in 0..rng.random_range(1..=12) {
                 self.faults.push(Fault::draw(FaultKind::Finger, &mut rng, self.stop_ms));
             }
-            self.faults.sort_by_key(|fault| fault.from_ms);
         }
         self
     }
@@ -163,7 +164,6 @@ impl Case {
         let mut rng = rng(self.seed, 6);
         if rng.random_ratio(1, RARELY) {
             self.faults.push(Fault::draw(FaultKind::SameNumber, &mut rng, self.stop_ms));
-            self.faults.sort_by_key(|fault| fault.from_ms);
         }
         if !self.is_plain && rng.random_ratio(1, RARELY) {
             let at_ms = rng.random_range(0..self.stop_ms);
@@ -195,12 +195,11 @@ impl Case {
                 self.faults.push(Fault { from_ms, ..Fault::draw(kind, &mut rng, self.stop_ms) });
             }
             self.faults.retain(|fault| fault.from_ms < self.stop_ms);
-            self.faults.sort_by_key(|fault| fault.from_ms);
         }
         self
     }
 
-    /// Lets the host rest in one long program of [`RESTS`], from then on everything is later: clocks and counters pass their ends. Drawn apart, as
+    /// Lets the host rest in one long program of [`RESTS`], which delays everything after it: clocks and counters pass their ends. Drawn apart, as
     /// [`Self::with_outsiders`].
     fn with_rest(mut self) -> Self {
         let mut rng = rng(self.seed, 8);

@@ -72,8 +72,8 @@ impl Subject for Node {
     }
 }
 
-/// A joint that is faster goes somewhere, counts/s.
-const GOING: f64 = 20.0;
+/// Above this speed a joint moves, counts/s.
+const MOVING: f64 = 20.0;
 
 /// Most counts from a joint to a finger in its way: what it does in half a second at full speed.
 const FINGER_COUNTS: f64 = 500.0;
@@ -385,7 +385,7 @@ fn raise_at_board<S: Subject>(board: &mut S, fault: &Fault, rng: &mut Pcg64Mcg, 
         FaultKind::BrakeStuckOff => board.rig_mut().stick_brake(Some(false)),
         FaultKind::Jam => board.rig_mut().jam(rng.random_range(0.7..5.0)),
         FaultKind::Push => board.rig_mut().set_disturbance(rng.random_range(-0.2..0.2)),
-        FaultKind::Finger => meet(board, fault.motor, rng),
+        FaultKind::Finger => place_finger(board, fault.motor, rng),
         FaultKind::PowerCut => board.set_power(false),
         FaultKind::BoardReset if is_on => board.set_power(true),
         FaultKind::ClockDrift => {
@@ -417,11 +417,11 @@ fn with_native<S: Subject>(board: &mut S, act: impl FnOnce(&mut Node)) {
     }
 }
 
-/// Puts a person's finger before a joint: where it goes, if it does.
-fn meet<S: Subject>(board: &mut S, motor: usize, rng: &mut Pcg64Mcg) {
+/// Puts a person's finger in the way of a joint: ahead of its motion, or on either side of one that stands.
+fn place_finger<S: Subject>(board: &mut S, motor: usize, rng: &mut Pcg64Mcg) {
     let rig = board.rig_mut();
     let speed = rig.truth().counts_per_s;
-    let side = if speed.abs() > GOING { speed.signum() } else { *one(rng, &[-1.0, 1.0]) };
+    let side = if speed.abs() > MOVING { speed.signum() } else { *one(rng, &[-1.0, 1.0]) };
     let at_count = rig.joint_counts() + side * rng.random_range(0.0..FINGER_COUNTS);
     let finger = person::finger(kind(motor as u8 + 1), at_count, side);
     rig.set_finger(Some(finger));

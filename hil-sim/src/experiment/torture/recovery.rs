@@ -82,7 +82,7 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
         run(session, line);
     }
     let mut answer = String::new();
-    let cooled_ms = let_cool(session);
+    let cooled_ms = wait_until_cool(session);
     for attempt in 0..ATTEMPTS {
         session.forget_settings();
         answer = run(session, "HI");
@@ -130,7 +130,7 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
 }
 
 /// Rests until no motor is weak for its heat, as ERROR 3 advises, at most [`COOL_MS`]. Returns how long.
-fn let_cool<S: Subject>(session: &mut Session<'_, S>) -> u64 {
+fn wait_until_cool<S: Subject>(session: &mut Session<'_, S>) -> u64 {
     let from_ms = session.ms();
     let is_hot = |session: &Session<'_, S>| {
         let mut boards = session.hand.bus().stations().map(|board| board.rig().truth());

@@ -186,13 +186,13 @@ impl Joint {
     #[must_use]
     pub fn on_finger(&self, shaft: &Shaft) -> (f64, f64) {
         let Some(finger) = self.finger else { return (0.0, 0.0) };
-        let depth = finger.side * (self.position(shaft.theta) - finger.from);
+        let joint = self.position(shaft.theta);
+        let depth = finger.side * (joint - finger.from);
         if depth <= 0.0 {
             return (0.0, 0.0);
         }
         let speed = (finger.side * shaft.omega).max(0.0);
-        let stored = 0.5 * finger.stiffness * depth * depth;
-        (finger.stiffness * depth + finger.damping * speed, stored)
+        (finger.stiffness * depth + finger.damping * speed, finger.stored_j(joint))
     }
 
     /// Replaces the objects in the joint's way; its stops and a finger remain.

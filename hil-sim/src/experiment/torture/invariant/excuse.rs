@@ -129,23 +129,16 @@ pub const LOADED: &[Excuse] =
 pub const STALL: &[Excuse] = &[here(LYING_HALLS, "lines that lie show counts that there are not")];
 
 /// Of torque-at-contact.
-pub const TORQUE: &[Excuse] = &[
-    here(
-        LYING_HALLS.union(LYING_SENSORS),
-        "lines, a bus voltage or a current that lie leave the EMF unjudged",
-    ),
-    here(Kinds::of(&[F::BoardHang]), "a board that hangs keeps its bridge on"),
-];
+pub const TORQUE: &[Excuse] = &[UNJUDGED_EMF, HANGS];
+const UNJUDGED_EMF: Excuse = here(
+    LYING_HALLS.union(LYING_SENSORS),
+    "lines, a bus voltage or a current that lie leave the EMF unjudged",
+);
+const HANGS: Excuse = here(Kinds::of(&[F::BoardHang]), "a board that hangs keeps its bridge on");
 
 /// Of finger-energy.
-pub const FINGER: &[Excuse] = &[
-    here(
-        LYING_HALLS.union(LYING_SENSORS),
-        "lines, a bus voltage or a current that lie leave the EMF unjudged",
-    ),
-    here(Kinds::of(&[F::BoardHang]), "a board that hangs keeps its bridge on"),
-    here(Kinds::of(&[F::Push]), "the load from outside presses as well"),
-];
+pub const FINGER: &[Excuse] =
+    &[UNJUDGED_EMF, HANGS, here(Kinds::of(&[F::Push]), "the load from outside presses as well")];
 
 /// Of breaks-away and end-is-true.
 pub const UNSEEN: &[Excuse] = &[here(

@@ -145,7 +145,6 @@ impl View<'_> {
 pub struct Joint {
     pub(super) kind: MotorKind,
     pub(super) plant: PlantParams,
-    pub(super) has_brake: bool,
     /// The source has the power that the boards may take without fold-back.
     pub(super) has_strong_source: bool,
     /// Highest speed so far, counts/s, which bounds how deep a stop is dented.
@@ -404,7 +403,6 @@ impl Joint {
         let of = kind(motor as u8 + 1);
         Self {
             kind: of,
-            has_brake: of == MotorKind::Spread,
             has_strong_source: world.source.0 * world.source.1 >= SOURCE_W,
             plant: world.plants[motor].clone(),
             fastest: 0.0,

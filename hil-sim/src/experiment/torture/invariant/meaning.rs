@@ -1,6 +1,6 @@
 //! Whether properties do what the documents say, judged by the plant and the wire: HSG, LSG and BT, and what END and the measured values say.
 
-use tater_wire::{EndCode, ModeCode, Property};
+use tater_wire::{EndCode, ModeCode, MotorKind, Property};
 
 use super::contact::{RIPPLE_N_M, STILL, UNITS, presses, strength};
 use super::joint::{Errand, Joint, Reported, View};
@@ -190,7 +190,7 @@ pub fn values(joint: &mut Joint, view: &View) -> Option<String> {
         Some(format!("THERM says {therm} C, the housing has {:.1}", view.truth.housing_c))
     } else if v > BUS_V {
         Some(format!("VBUS says {vbus} V, the bus has {:.1}", view.volts))
-    } else if joint.has_brake && released != view.brake_released {
+    } else if joint.kind == MotorKind::Spread && released != view.brake_released {
         Some(format!("B says {released}, the brake is told to release: {}", view.brake_released))
     } else if let Some(share) = share.filter(|&share| share > TORQUE_SHARE) {
         Some(format!("T says {t}, and is off by {:.0} %", 100.0 * share))

@@ -1,6 +1,6 @@
 //! When a motor may be driven, and how hard.
 
-use tater_wire::{FaultCode, ModeCode, Property};
+use tater_wire::{FaultCode, ModeCode, MotorKind, Property};
 
 use super::excuse::{LYING_WINDING, PUSHED, UNKNOWN_EMF};
 use super::joint::{Joint, MEMORY, View};
@@ -86,7 +86,7 @@ pub fn fault(joint: &mut Joint, view: &View) -> Option<String> {
 }
 
 pub fn brake(joint: &mut Joint, view: &View) -> Option<String> {
-    let engaged = joint.has_brake && !view.brake_released;
+    let engaged = joint.kind == MotorKind::Spread && !view.brake_released;
     let was = std::mem::replace(&mut joint.power.was_engaged, engaged);
     (engaged && was && view.driven()).then(|| "driven against its brake".to_owned())
 }
