@@ -295,7 +295,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "position-is-true",
-        "a position that is known is within a count of the rotor, and the zero of HI is IOFF from a stop",
+        "a position that is known is within a count of the rotor, and the zero of HI is IOFF from a stop, or from the dent that IVEL and IHIT press into it",
         "manual 7; decision 0010",
         excuse::POSITION,
         Check::Program(truth::position),

@@ -2,9 +2,10 @@
 
 use tater_wire::{Cmd, ModeCode, Property};
 
+use super::contact::UNITS;
 use super::excuse::{HOMED_ELSEWHERE, UNSEEN_COUNT};
 use super::joint::{Joint, Seen, Trust, View};
-use crate::world::plant::PlantParams;
+use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 
 /// Below this a rotor stands, counts/s: the count of a tick is that of its end.
 const SLOW: f64 = 100.0;
@@ -15,8 +16,9 @@ const MOST: i64 = 1;
 /// Ticks for which a deviation must last: a glitch is resolved within them.
 const LASTS: u32 = 50;
 
-/// From IOFF to the zero of HI, counts: half a cell at each end, the dent of the stop, and the placement of the halls. The most in 300 seeds was 2.5.
-const MISPLACED: f64 = 3.0;
+/// From the face of a stop and IOFF to the zero of HI, counts: the face lies half a count beyond the range, the rotor may stand anywhere in its cell,
+/// and halls 10° off move a cell by half of it.
+const MISPLACED: f64 = 0.5 + 0.5 + 0.5;
 
 /// A third of a turn, and the cell in which the rotor started, counts.
 const THIRD: f64 = 6.0 + 1.0;
@@ -79,8 +81,18 @@ impl Trust {
     }
 }
 
+/// How far a rotor that HI drives enters a stop, counts, where its worm holds it: IHIT turns the gear and the stop, and the blow at IVEL does. They
+/// add up by energy, since what IHIT adds during the blow friction takes.
+fn homing_dent(joint: &Joint, view: &View) -> Option<f64> {
+    let plant = &joint.plant;
+    let yields = plant.stop_rad_n_m();
+    let pressed = view.property(Property::IHIT)? as f64 / UNITS * yields / RAD_PER_COUNT;
+    let speed = (view.property(Property::IVEL)?.unsigned_abs() as f64).min(joint.no_load(view.volts));
+    Some(0.5 * plant.backlash_counts + pressed.hypot((plant.j_kg_m2 * yields).sqrt() * speed))
+}
+
 /// Whether HI has named as zero what is IOFF from neither stop, and how.
-fn misplaced(plant: &PlantParams, view: &View) -> Option<String> {
+fn misplaced(plant: &PlantParams, dent: f64, view: &View) -> Option<String> {
     if !view.seen.contains(&Seen::Homed) || view.orders().next().is_some() {
         return None;
     }
@@ -88,16 +100,27 @@ fn misplaced(plant: &PlantParams, view: &View) -> Option<String> {
     let ioff = view.property(Property::IOFF)? as f64;
     let from = |stop: f64| (zero - stop - ioff).abs();
     let off = from(plant.min_count).min(from(plant.max_count));
-    (off > MISPLACED).then(|| format!("HI names a place as zero that is {off:.1} counts from IOFF of a stop"))
+    let most = MISPLACED + dent;
+    (off > most).then(|| {
+        format!("HI names a place as zero that is {off:.1} counts from IOFF of a stop, {most:.1} at most")
+    })
 }
 
 pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
+    let ordered = view.orders().next().is_some();
+    let dent = if ordered { homing_dent(joint, view).unwrap_or(0.0) } else { 0.0 };
     let trust = &mut joint.truth;
     trust.follow(view);
+    if ordered {
+        let homes = view
+            .orders()
+            .any(|(property, value)| property == Property::CMD && Cmd::of(value) == Some(Cmd::Hi));
+        trust.dent = if homes { dent } else { trust.dent.max(dent) };
+    }
     // A jam is found out: HI leaves the place where it has stopped, and returns to it.
     trust.hindered |= HOMED_ELSEWHERE.is_recent(view);
     if !trust.hindered
-        && let Some(found) = misplaced(&joint.plant, view)
+        && let Some(found) = misplaced(&joint.plant, trust.dent, view)
     {
         return Some(found);
     }
