@@ -23,7 +23,7 @@ pub struct Tests {
 
 pub struct Tree {
     folder: PathBuf,
-    /// All trees share it: crates of other folders are other crates to cargo, and what comes from a registry is built once.
+    /// Its own: to cargo, crates of two workspaces with the same names and paths are one crate, and fresh if the other workspace's was built later.
     build: PathBuf,
 }
 
@@ -34,7 +34,7 @@ impl Tree {
     /// # Errors
     /// Git's, or the file system's.
     pub fn copy(defects: &Path, name: &str, changed: &BTreeMap<String, String>) -> Result<Self, String> {
-        let tree = Self { folder: defects.join(name), build: defects.join("build") };
+        let tree = Self { folder: defects.join(name), build: defects.join(format!("build-{name}")) };
         let listed = crate::program::output(program("git ls-files -z"))?;
         for file in listed.split('\0').filter(|file| !file.is_empty()) {
             if let Some(text) = changed.get(file) {
@@ -69,7 +69,7 @@ impl Tree {
     /// It does not compile: with the compiler's words.
     pub fn simulator(&self, copy: &Path) -> Result<(), String> {
         self.cargo("build --package hil-sim --bin hil-sim")?;
-        // The next tree's has the same place. A new file: the last one may be running.
+        // The next tree of this name has the same place. A new file: the last one may be running.
         let bytes = self.build.join("debug/hil-sim");
         let _ = std::fs::remove_file(copy);
         std::fs::copy(bytes, copy).map(|_| ()).map_err(|error| format!("{}: {error}", copy.display()))
