@@ -1,13 +1,13 @@
-//! The context that all commands share: ports, memory, boards, parameters, session; and how an answer is printed.
+//! The context that all commands share: ports, memory, boards, session; and how an answer is printed.
 
-use core::cell::{Cell, RefCell};
+use core::cell::Cell;
 use core::fmt;
 
 use heapless::String;
 
 use crate::boards::Boards;
 use crate::io::{Io, TEXT};
-use crate::memory::{Memory, Parameters};
+use crate::memory::Memory;
 use crate::session::Session;
 
 /// Precedes an answer, an error and the prompt: some clients look for LF CR, others for CR LF; this has both (decision 0025).
@@ -33,8 +33,6 @@ pub struct God<'a> {
     pub(crate) io: &'a Io,
     pub(crate) memory: &'a Memory,
     pub(crate) boards: Boards<'a>,
-    /// The parameters in use; those in the memory are what FLOAD and PLOAD restore.
-    pub(crate) parameters: RefCell<Parameters>,
     pub(crate) session: Session,
     /// UPSECS includes the time up to this, µs.
     pub(crate) counted_us: Cell<u64>,
@@ -42,11 +40,12 @@ pub struct God<'a> {
 
 impl<'a> God<'a> {
     pub(crate) fn new(io: &'a Io, memory: &'a Memory) -> Self {
+        let stored = memory.read(|stored| stored.parameters);
+        memory.change_parameters(|parameters| *parameters = stored);
         Self {
             io,
             memory,
             boards: Boards::new(io),
-            parameters: RefCell::new(memory.read(|stored| stored.parameters)),
             session: Session::default(),
             counted_us: Cell::new(io.now_us()),
         }

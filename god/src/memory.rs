@@ -1,4 +1,4 @@
-//! GOD's memory, which survives a power-off: its own parameters, macros, sequences and statistics.
+//! GOD's memory: the parameters in use; and what survives a power-off, which are parameters, macros, sequences and statistics.
 
 pub mod bytes;
 
@@ -152,6 +152,7 @@ enum Write {
 /// GOD's memory. The owner asks for changes and writes them where they survive.
 #[derive(Debug, Default)]
 pub struct Memory {
+    in_use: RefCell<Parameters>,
     stored: RefCell<Stored>,
     changed: Cell<bool>,
     /// A command has saved something since the last commit.
@@ -163,7 +164,17 @@ impl Memory {
     /// A memory with what has survived.
     #[must_use]
     pub fn new(stored: Stored) -> Self {
-        Self { stored: RefCell::new(stored), ..Self::default() }
+        Self { in_use: RefCell::new(stored.parameters), stored: RefCell::new(stored), ..Self::default() }
+    }
+
+    /// The parameters in use; those that are stored are what FLOAD and PLOAD restore.
+    #[must_use]
+    pub fn parameters(&self) -> Parameters {
+        *self.in_use.borrow()
+    }
+
+    pub(crate) fn change_parameters(&self, change: impl FnOnce(&mut Parameters)) {
+        change(&mut self.in_use.borrow_mut());
     }
 
     /// From now on a command that saves waits until the owner has written it, and ends with [`Status::NOT_STORED`] if that fails: see

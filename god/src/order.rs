@@ -161,12 +161,13 @@ async fn set_verified(god: &God<'_>, property: Property, values: &Answers) -> St
 }
 
 fn set_kept(god: &God<'_>, values: &Answers, set: impl Fn(&mut MotorParameters, i64)) {
-    let mut parameters = god.parameters.borrow_mut();
-    for motor in values.motors().iter() {
-        if let (Some(of), Some(value)) = (parameters.motors.get_mut(motor.index()), values.get(motor)) {
-            set(of, value);
+    god.memory.change_parameters(|parameters| {
+        for motor in values.motors().iter() {
+            if let (Some(of), Some(value)) = (parameters.motors.get_mut(motor.index()), values.get(motor)) {
+                set(of, value);
+            }
         }
-    }
+    });
 }
 
 /// Whether a SET of the host may start a motion, which a hot hand refuses.

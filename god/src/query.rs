@@ -51,7 +51,7 @@ pub(crate) async fn doubled(god: &God<'_>, motors: Motors) -> Motors {
 }
 
 pub(crate) fn is_too_hot(god: &God<'_>) -> bool {
-    let limit = god.parameters.borrow().hand.otemp;
+    let limit = god.memory.parameters().hand.otemp;
     limit != NO_LIMIT && god.io.temperature() > limit
 }
 
@@ -204,5 +204,5 @@ pub(crate) fn counts_on_board(motor: Motor, property: Property, gcl: i64) -> i64
 }
 
 fn motor_parameters(god: &God<'_>, motor: Motor) -> Option<MotorParameters> {
-    god.parameters.borrow().motors.get(motor.index()).copied()
+    god.memory.parameters().motors.get(motor.index()).copied()
 }

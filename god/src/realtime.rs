@@ -136,7 +136,7 @@ impl<'a, 'b> Loop<'a, 'b> {
     /// Puts the motors into mode 4, with LCT into mode 2, at rest. What boards reported before is dropped.
     async fn new(god: &'a God<'b>, selection: Selection) -> Self {
         let motors = selection.motors();
-        let layout = Layout::of(&god.parameters.borrow(), selection.axes);
+        let layout = Layout::of(&god.memory.parameters(), selection.axes);
         let gains = god.boards.get(motors, Property::KPV).await;
         let torques = Answers::uniform(layout.by_torque(), 0);
         let velocities = Answers::uniform(motors.difference(torques.motors()), 0);

@@ -31,7 +31,7 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
         let god = God::new(io, memory);
         io.record(EventKind::Started);
         with_background(settings::hand::maintain_statistics(&god), async {
-            io.set_baud(god.parameters.borrow().hand.baud);
+            io.set_baud(god.memory.parameters().hand.baud);
             god.banner().await;
             god.prompt().await;
             with_background(order::send_keepalives(&god), serve(&god)).await;

@@ -137,7 +137,7 @@ async fn save(god: &God<'_>) -> Status {
             break;
         }
     }
-    let parameters = *god.parameters.borrow();
+    let parameters = god.memory.parameters();
     god.memory.update(|stored| stored.parameters = parameters);
     let answered = if stat.motors() == Motors::ALL { Status::OK } else { Status::NO_BOARD };
     answered | god.boards.save(awake, core::iter::once(-1)).await

@@ -19,7 +19,7 @@ const fn rule(row: &HandParameterSpec) -> Rule {
 }
 
 fn value(god: &God<'_>, parameter: HandParameter) -> i64 {
-    let hand = god.parameters.borrow().hand;
+    let hand = god.memory.parameters().hand;
     match parameter {
         HandParameter::Baud => hand.baud.into(),
         HandParameter::Lft => hand.lft.into(),
@@ -63,7 +63,7 @@ fn put(hand: &mut HandParameters, parameter: HandParameter, value: i64) {
 }
 
 pub(super) fn set(god: &God<'_>, arguments: Arguments<'_>) -> Status {
-    let mut hand = god.parameters.borrow().hand;
+    let mut hand = god.memory.parameters().hand;
     let own_serial = god.memory.read(|stored| stored.serial);
     let mut serial = own_serial;
     for pair in pairs(arguments, parameter::hand, rule) {
@@ -82,7 +82,7 @@ pub(super) fn set(god: &God<'_>, arguments: Arguments<'_>) -> Status {
         god.memory.update(|stored| stored.serial = serial);
     }
     god.io.set_baud(hand.baud);
-    god.parameters.borrow_mut().hand = hand;
+    god.memory.change_parameters(|parameters| parameters.hand = hand);
     Status::OK
 }
 
@@ -102,12 +102,12 @@ pub(super) async fn get(god: &God<'_>, arguments: Arguments<'_>) -> Status {
 pub(super) fn load(god: &God<'_>) -> Status {
     let hand = god.memory.read(|stored| stored.parameters.hand);
     god.io.set_baud(hand.baud);
-    god.parameters.borrow_mut().hand = hand;
+    god.memory.change_parameters(|parameters| parameters.hand = hand);
     Status::OK
 }
 
 pub(super) fn save(god: &God<'_>) -> Status {
-    let hand = god.parameters.borrow().hand;
+    let hand = god.memory.parameters().hand;
     god.memory.update(|stored| stored.parameters.hand = hand);
     Status::OK
 }
@@ -115,7 +115,7 @@ pub(super) fn save(god: &God<'_>) -> Status {
 pub(super) fn reset_to_defaults(god: &God<'_>) -> Status {
     let hand = HandParameters::default();
     god.io.set_baud(hand.baud);
-    god.parameters.borrow_mut().hand = hand;
+    god.memory.change_parameters(|parameters| parameters.hand = hand);
     Status::OK
 }
 

@@ -25,7 +25,7 @@ pub(super) async fn execute(
     prefix: Prefix,
     arguments: Arguments<'_>,
 ) -> Status {
-    let rule = if god.parameters.borrow().hand.compat_262 { rule_262 } else { rule };
+    let rule = if god.memory.parameters().hand.compat_262 { rule_262 } else { rule };
     // The line is checked before boards are woken for it.
     let checked = match command {
         GclCommand::Fset => {
@@ -169,7 +169,7 @@ fn properties() -> impl Iterator<Item = Property> {
 
 async fn save(god: &God<'_>, motors: Motors) -> Status {
     let status = god.boards.save(motors, properties().map(|property| property.id().into())).await;
-    let present = *god.parameters.borrow();
+    let present = god.memory.parameters();
     god.memory.update(|stored| copy(&present.motors, &mut stored.parameters.motors, motors));
     status
 }
@@ -182,7 +182,7 @@ async fn load(god: &God<'_>, motors: Motors) -> Status {
     let silent = motors.difference(god.boards.get(motors, Property::STAT).await.motors());
     let status = if silent.is_empty() { Status::OK } else { Status::NO_BOARD };
     let stored = god.memory.read(|stored| stored.parameters);
-    copy(&stored.motors, &mut god.parameters.borrow_mut().motors, motors);
+    god.memory.change_parameters(|parameters| copy(&stored.motors, &mut parameters.motors, motors));
     status
 }
 

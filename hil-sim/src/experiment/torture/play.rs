@@ -248,6 +248,8 @@ impl Keeps {
             Ok(Statement::Empty) | Err(_) => return Self::Settings,
         };
         match (command, command.row().map(|row| row.category)) {
+            // GOD takes its stored parameters.
+            (GclCommand::Reset, _) => Self::Nothing,
             // T only switches off.
             (GclCommand::T, _) => Self::Settings,
             (_, Some(Category::Movement)) => Self::WithMotion,

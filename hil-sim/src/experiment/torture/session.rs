@@ -11,7 +11,7 @@ use super::invariant::measure::Worst;
 use super::invariant::{self, ABORT as ABORTS, ENERGY, GIVES_BACK, IMAGE, Joint, QUEUES, View};
 use super::kinds::{FaultKind, Kinds};
 use super::observe;
-use super::shadow::{self, Seen, Shadow};
+use super::shadow::{self, Settings, Shadow};
 use crate::world::hand::Hand;
 use crate::world::node::Node;
 
@@ -246,16 +246,17 @@ impl<'a, S: Subject> Session<'a, S> {
         self.check();
     }
 
-    /// The boards' settings, as a host may read them; of emulated boards none.
-    fn settings(&self) -> [Seen; MOTORS] {
+    /// The hand's settings, as a host may read them; of emulated boards none.
+    fn settings(&self) -> Settings {
         let mut boards = self.hand.bus().stations();
-        std::array::from_fn(|_| {
+        let boards = std::array::from_fn(|_| {
             let node = boards.next()?.native()?;
             let tater = node.application()?;
             let values =
                 shadow::settings().filter_map(|property| Some((property, tater.property(property)?)));
             Some((node.starts(), values.collect()))
-        })
+        });
+        (boards, self.hand.memory().parameters())
     }
 
     /// Settings may have been ordered, and the last orders are on their way.
@@ -268,7 +269,7 @@ impl<'a, S: Subject> Session<'a, S> {
         self.ms() < self.ordered_ms + ORDERING_MS
     }
 
-    /// Looks at the boards' settings before a command.
+    /// Looks at the settings before a command.
     pub(super) fn look_at_settings(&mut self) {
         if self.is_ordering() {
             return;
@@ -277,7 +278,7 @@ impl<'a, S: Subject> Session<'a, S> {
         self.shadow.look(now);
     }
 
-    /// Compares the boards' settings at the prompt after a command that leaves them alone; `restored`: it moved without an error.
+    /// Compares the settings at the prompt after a command that leaves them alone; `restored`: it moved without an error.
     pub(super) fn compare_settings(&mut self, restored: bool) {
         if self.is_ordering() {
             return;
@@ -285,7 +286,7 @@ impl<'a, S: Subject> Session<'a, S> {
         let restored = restored && !self.faults.recent().meets(Kinds::of(&UNHEARD));
         let now = self.settings();
         if let Some((motor, found)) = self.shadow.compare(now, restored) {
-            self.fail(GIVES_BACK, motor + 1, found);
+            self.fail(GIVES_BACK, motor, found);
         }
     }
 
@@ -425,9 +426,11 @@ impl<'a, S: Subject> Session<'a, S> {
         }
         let began_ms = self.ms();
         self.tail.clear();
+        // A key that repeats: the second byte meets the stop orders of the first in GOD.
+        let typed: &[u8] = if began_ms.is_multiple_of(2) { &[ABORT] } else { &[ABORT, ABORT] };
         for _ in 0..=BLOCK {
             if self.hand.is_on() {
-                self.hand.push_rx(&[ABORT]);
+                self.hand.push_rx(typed);
             }
             self.step();
         }

@@ -1,9 +1,10 @@
-//! The host's shadow of the boards: what each of their settings was before a command, and so must be after it. A command that moves or asks
+//! The host's shadow of the hand: what each setting of a board, and each parameter that GOD keeps, was before a command, and so must be after it. A command that moves or asks
 //! changes no setting for longer than it takes: the BT that X takes away, the velocities of motors that arrive together and RealTime's KPV are given
 //! back (docs/hand.md, *Motions*), after ^C as well.
 
 use std::collections::BTreeMap;
 
+use god::memory::Parameters;
 use tater_wire::Property;
 use tater_wire::property::{Access, ROWS, Stored};
 
@@ -26,10 +27,15 @@ pub fn is_setting(property: Property) -> bool {
 /// A board as its host may read it: how often it has started, and its settings.
 pub type Seen = Option<(u32, Values)>;
 
-/// What the host knows of each board.
+/// What a host may read at a prompt: the boards, and the parameters that GOD keeps.
+pub type Settings = ([Seen; MOTORS], Parameters);
+
+/// What the host knows of the hand.
 #[derive(Debug, Default)]
 pub struct Shadow {
     boards: [Seen; MOTORS],
+    /// None unless the host is in step.
+    god: Option<Parameters>,
     /// The host knows to which command a prompt belongs.
     in_step: bool,
     /// Orders may have been lost since the last comparison: what a board did not confirm comes with the next motion.
@@ -51,6 +57,7 @@ impl Shadow {
     /// Settings may have been ordered.
     pub fn forget(&mut self) {
         self.boards = Default::default();
+        self.god = None;
     }
 
     /// Orders may be lost.
@@ -59,12 +66,17 @@ impl Shadow {
     }
 
     /// At the prompt before a command: takes what it does not know.
-    pub fn look(&mut self, now: [Seen; MOTORS]) {
-        self.drop_restarted(&now);
-        if !self.in_step || self.doubtful {
+    pub fn look(&mut self, (boards, god): Settings) {
+        self.drop_restarted(&boards);
+        if !self.in_step {
             return;
         }
-        for (known, now) in self.boards.iter_mut().zip(now) {
+        // Nothing is lost between GOD and its parameters.
+        self.god.get_or_insert(god);
+        if self.doubtful {
+            return;
+        }
+        for (known, now) in self.boards.iter_mut().zip(boards) {
             if known.is_none() {
                 *known = now;
             }
@@ -72,10 +84,17 @@ impl Shadow {
     }
 
     /// At the prompt after a command that leaves the settings alone. After one that `restored` what earlier ones may have left, no doubt is left
-    /// either. Returns the first motor that differs, and how.
-    pub fn compare(&mut self, now: [Seen; MOTORS], restored: bool) -> Option<(usize, String)> {
+    /// either. Returns the first motor that differs, from 1, or 0 for the hand, and how.
+    pub fn compare(&mut self, (now, god): Settings, restored: bool) -> Option<(usize, String)> {
         self.drop_restarted(&now);
-        if !self.in_step || self.doubtful && !restored {
+        if !self.in_step {
+            return None;
+        }
+        let known = self.god.replace(god);
+        if let Some(found) = known.and_then(|known| changed(&known, &god)) {
+            return Some(found);
+        }
+        if self.doubtful && !restored {
             return None;
         }
         self.doubtful = false;
@@ -83,7 +102,7 @@ impl Shadow {
             let ((_, known), (_, now)) = (known.as_ref()?, now.as_ref()?);
             let (property, was) = known.iter().find(|(property, value)| now.get(property) != Some(value))?;
             let found = now.get(property).copied().unwrap_or_default();
-            Some((motor, format!("{} was {was} before the command, and is {found}", property.row().name)))
+            Some((motor + 1, format!("{} was {was} before the command, and is {found}", property.row().name)))
         };
         let found = self.boards.iter().zip(&now).enumerate().find_map(differs);
         self.boards = now;
@@ -102,12 +121,25 @@ impl Shadow {
     }
 }
 
+/// The first of GOD's parameters that differ.
+fn changed(known: &Parameters, now: &Parameters) -> Option<(usize, String)> {
+    let motors = known.motors.iter().zip(&now.motors).zip(1..);
+    let motor = motors.filter(|((known, now), _)| known != now).find_map(|((known, now), motor)| {
+        Some((motor, format!("GOD's parameters were {known:?} before the command, and are {now:?}")))
+    });
+    let (was, is) = (&known.hand, &now.hand);
+    motor.or_else(|| {
+        (was != is).then(|| (0, format!("GOD's parameters were {was:?} before the command, and are {is:?}")))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn hand(bt: i64) -> [Seen; MOTORS] {
-        std::array::from_fn(|_| Some((1, Values::from([(Property::BT, bt), (Property::MV, 1000)]))))
+    fn hand(bt: i64) -> Settings {
+        let board = Some((1, Values::from([(Property::BT, bt), (Property::MV, 1000)])));
+        (std::array::from_fn(|_| board.clone()), Parameters::default())
     }
 
     fn known() -> Shadow {
@@ -121,9 +153,25 @@ mod tests {
     fn setting_that_is_not_given_back_is_named() {
         let mut now = hand(400);
         assert_eq!(known().compare(now.clone(), false), None);
-        now[2] = Some((1, Values::from([(Property::BT, 0), (Property::MV, 1000)])));
+        now.0[2] = Some((1, Values::from([(Property::BT, 0), (Property::MV, 1000)])));
         let found = known().compare(now, false);
-        assert_eq!(found, Some((2, "BT was 400 before the command, and is 0".to_owned())));
+        assert_eq!(found, Some((3, "BT was 400 before the command, and is 0".to_owned())));
+    }
+
+    #[test]
+    fn parameter_of_god_that_changes_is_named_while_orders_may_be_lost_too() {
+        let mut now = hand(400);
+        now.1.hand.lft = !now.1.hand.lft;
+        let mut shadow = known();
+        shadow.doubt();
+        assert!(
+            shadow
+                .compare(now.clone(), false)
+                .is_some_and(|(motor, found)| motor == 0 && found.contains("lft"))
+        );
+        now.1.motors[4].as_set[0] += 1;
+        assert_eq!(shadow.compare(now.clone(), false).map(|(motor, _)| motor), Some(5));
+        assert_eq!(shadow.compare(now, false), None, "one defect is one failure");
     }
 
     #[test]
@@ -132,7 +180,7 @@ mod tests {
             let mut shadow = known();
             prepare(&mut shadow);
             let mut now = hand(0);
-            now.iter_mut().flatten().for_each(|seen| seen.0 = starts);
+            now.0.iter_mut().flatten().for_each(|seen| seen.0 = starts);
             shadow.compare(now, false)
         };
         assert!(compared(|_| {}, 1).is_some());
