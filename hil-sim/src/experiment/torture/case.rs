@@ -28,6 +28,9 @@ const LONG_FAULT_MS: u64 = 90_000;
 /// One seed in so many meets something of the boards' identity, by each of the ways.
 const RARELY: u32 = 16;
 
+/// One in so many of the other hosts' programs passes a serial adapter.
+const ADAPTERS: u32 = 2;
+
 /// One long seed in so many has boards that start anew while their motors are hot.
 const HOT_STARTS: u32 = 2;
 
@@ -173,7 +176,11 @@ impl Case {
         }
         if !self.is_plain && rng.random_ratio(1, RARELY) {
             let mut at_ms = rng.random_range(0..self.stop_ms);
-            for (frames, pause_ms) in outside::bursts(&mut rng) {
+            let mut bursts = outside::bursts(&mut rng);
+            if rng.random_ratio(1, ADAPTERS) {
+                bursts = outside::through_adapter(&mut rng, bursts);
+            }
+            for (frames, pause_ms) in bursts {
                 self.steps.push(Step { at_ms, act: Act::Raw(frames) });
                 at_ms += pause_ms;
             }

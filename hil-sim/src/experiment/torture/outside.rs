@@ -1,9 +1,11 @@
 //! What other hosts send on the bus beside GOD: the frame sequences of Barrett's API, libbarrett, OWD and cisst (tests/host), with their pauses, to the nodes and the group of
-//! a hand alone. They take a BH8-280's units for granted: what is out of range here is refused.
+//! a hand alone. They take a BH8-280's units for granted: what is out of range here is refused. A serial adapter may stand between: SLCAN has no
+//! checksum, so that a damaged line is refused by its grammar, or another frame.
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::{Body, Destination, Frame, Group, Identifier, Message, Node, Property, Torques};
+use wraptor::slcan::line as slcan;
 
 use super::lines::one;
 
@@ -26,6 +28,35 @@ pub const HOSTS: [Host; 4] = [barretts_api, libbarrett, owd, cisst];
 pub fn bursts(rng: &mut Pcg64Mcg) -> Vec<Burst> {
     let host = one(rng, &HOSTS);
     host(rng)
+}
+
+/// One line in so many is damaged on the way to the adapter.
+const DAMAGE: u32 = 10;
+
+/// What an adapter sends of the bursts, when a serial line loses, doubles or changes some of their characters.
+pub fn through_adapter(rng: &mut Pcg64Mcg, bursts: Vec<Burst>) -> Vec<Burst> {
+    let mut sent = |frame: Frame| {
+        let mut line = slcan::format(&frame, None).into_bytes();
+        if rng.random_ratio(1, DAMAGE) {
+            damage(rng, &mut line);
+        }
+        slcan::frame(&line)
+    };
+    bursts
+        .into_iter()
+        .map(|(frames, pause_ms)| (frames.into_iter().filter_map(&mut sent).collect(), pause_ms))
+        .collect()
+}
+
+/// Loses, doubles or changes a character of the line.
+fn damage(rng: &mut Pcg64Mcg, line: &mut Vec<u8>) {
+    let at = rng.random_range(0..line.len());
+    match rng.random_range(0..3) {
+        0 => drop(line.remove(at)),
+        1 => line.insert(at, line[at]),
+        // The grammar refuses any other character.
+        _ => line[at] = *one(rng, b"0123456789ABCDEF"),
+    }
 }
 
 fn nodes() -> impl Iterator<Item = Destination> {
@@ -153,6 +184,22 @@ fn cisst(rng: &mut Pcg64Mcg) -> Vec<Burst> {
 mod tests {
     use super::*;
     use rand::SeedableRng;
+
+    #[test]
+    fn adapter_refuses_what_damage_makes_no_frame_and_sends_other_frames_too() {
+        let mut rng = Pcg64Mcg::seed_from_u64(1);
+        let frames: Vec<Frame> =
+            (0..100).flat_map(|_| each(|to| vec![set(Node::HOST, to, Property::E, 1234)])).collect();
+        let sent = through_adapter(&mut rng, vec![(frames.clone(), 5)]);
+        let [(sent, 5)] = &sent[..] else { panic!("one burst: {sent:?}") };
+        let refused = frames.len() - sent.len();
+        let changed = sent.iter().filter(|frame| !frames.contains(frame)).count();
+        // A tenth of 700 are damaged; two thirds of these have another length.
+        assert!(
+            (30..70).contains(&refused) && (5..40).contains(&changed),
+            "{refused} refused, {changed} changed"
+        );
+    }
 
     #[test]
     fn each_host_wakes_homes_and_moves_all_seven_boards() {
