@@ -62,6 +62,8 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
         return session.fail(STREAMS, 1, format!("FSET and FGET P answer {asked:?}"));
     };
     let (from, first) = (told, truth(session).0);
+    // The layout is GOD's: no order is on its way to a board.
+    session.shadow.forget();
     session.look_at_settings();
     session.tail.clear();
     session.send(b"1LOOP\r");

@@ -16,9 +16,9 @@ const MOST: i64 = 1;
 /// Ticks for which a deviation must last: a glitch is resolved within them.
 const LASTS: u32 = 50;
 
-/// From the face of a stop and IOFF to the zero of HI, counts: the face lies half a count beyond the range, the rotor may stand anywhere in its cell,
-/// and halls 10° off move a cell by half of it.
-const MISPLACED: f64 = 0.5 + 0.5 + 0.5;
+/// From the face of a stop and IOFF to the zero of HI, counts: the face lies half a count beyond the range; at the stop and at zero the rotor may stand
+/// anywhere in its cell, and halls 10° off move a cell by half of it.
+const MISPLACED: f64 = 0.5 + 2.0 * (0.5 + 0.5);
 
 /// A third of a turn, and the cell in which the rotor started, counts.
 const THIRD: f64 = 6.0 + 1.0;
