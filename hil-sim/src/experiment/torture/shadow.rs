@@ -3,6 +3,7 @@
 //! back (docs/hand.md, *Motions*), after ^C as well.
 
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 
 use god::memory::Parameters;
 use tater_wire::Property;
@@ -123,14 +124,14 @@ impl Shadow {
 
 /// The first of GOD's parameters that differ.
 fn changed(known: &Parameters, now: &Parameters) -> Option<(usize, String)> {
-    let motors = known.motors.iter().zip(&now.motors).zip(1..);
-    let motor = motors.filter(|((known, now), _)| known != now).find_map(|((known, now), motor)| {
-        Some((motor, format!("GOD's parameters were {known:?} before the command, and are {now:?}")))
-    });
-    let (was, is) = (&known.hand, &now.hand);
-    motor.or_else(|| {
-        (was != is).then(|| (0, format!("GOD's parameters were {was:?} before the command, and are {is:?}")))
-    })
+    let text = |known: &dyn Debug, now: &dyn Debug| {
+        format!("GOD's parameters were {known:?} before the command, and are {now:?}")
+    };
+    let mut motors = known.motors.iter().zip(&now.motors).zip(1..);
+    if let Some(((known, now), motor)) = motors.find(|((known, now), _)| known != now) {
+        return Some((motor, text(known, now)));
+    }
+    (known.hand != now.hand).then(|| (0, text(&known.hand, &now.hand)))
 }
 
 #[cfg(test)]
