@@ -331,7 +331,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     hand(
         GIVES_BACK,
-        "a command that moves or asks leaves every setting of the boards as it was, after ^C as well",
+        "a command that moves or asks leaves every setting of the boards and every parameter of GOD as it was, after ^C as well",
         "docs/hand.md, Motions; manual 5.5",
     ),
     hand(ENERGY, "the simulated motors create no energy", "docs/simulator.md"),

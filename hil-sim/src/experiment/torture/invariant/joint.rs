@@ -422,6 +422,16 @@ impl Joint {
         }
     }
 
+    /// How far a torque at the motor turns its gear and a stop, counts.
+    pub fn twist(&self, n_m: f64) -> f64 {
+        n_m * self.plant.stop_rad_n_m() / RAD_PER_COUNT
+    }
+
+    /// How far a rotor that arrives with this speed would enter a stop without a damper, counts: v·√(J/k).
+    pub fn blow(&self, counts_per_s: f64) -> f64 {
+        (self.plant.j_kg_m2 * self.plant.stop_rad_n_m()).sqrt() * counts_per_s
+    }
+
     /// Speed at which the EMF takes all of the voltage, counts/s.
     pub fn no_load(&self, bus_v: f64) -> f64 {
         bus_v / self.plant.ke_v_s / RAD_PER_COUNT

@@ -5,7 +5,6 @@ use tater_wire::{FaultCode, ModeCode, MotorKind, Property};
 use super::excuse::{LYING_WINDING, PUSHED, UNKNOWN_EMF};
 use super::joint::{Joint, MEMORY, View};
 use super::measure::Measure;
-use crate::world::plant::RAD_PER_COUNT;
 use crate::world::rig::{Bridge, Leg};
 
 /// The largest duty, 990 of 1024, in 1/32768.
@@ -201,11 +200,8 @@ pub fn speed(joint: &mut Joint, view: &View) -> Option<String> {
 pub fn stops(joint: &mut Joint, view: &View) -> Option<String> {
     let plant = &joint.plant;
     let beyond = (plant.min_count - view.truth.counts).max(view.truth.counts - plant.max_count);
-    // The stop begins half a count and half the gear's play beyond the range; it and the gear yield by T/k; without a damper a rotor would
-    // enter it by v * sqrt(J/k).
+    // The stop begins half a count and half the gear's play beyond the range.
     let peak_n_m = view.volts.max(plant.bus_v) / plant.r_ohm * plant.ke_v_s;
-    let yields = plant.stop_rad_n_m();
-    let pressed = 0.5 + 0.5 * plant.backlash_counts + peak_n_m * yields / RAD_PER_COUNT;
-    let dent = (plant.j_kg_m2 * yields).sqrt() * joint.fastest;
-    (beyond > pressed + dent).then(|| format!("{beyond:.2} counts beyond its range"))
+    let pressed = 0.5 + 0.5 * plant.backlash_counts + joint.twist(peak_n_m);
+    (beyond > pressed + joint.blow(joint.fastest)).then(|| format!("{beyond:.2} counts beyond its range"))
 }

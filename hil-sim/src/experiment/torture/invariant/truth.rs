@@ -5,7 +5,7 @@ use tater_wire::{Cmd, ModeCode, Property};
 use super::contact::UNITS;
 use super::excuse::{HOMED_ELSEWHERE, UNSEEN_COUNT};
 use super::joint::{Joint, Seen, Trust, View};
-use crate::world::plant::{PlantParams, RAD_PER_COUNT};
+use crate::world::plant::PlantParams;
 
 /// Below this a rotor stands, counts/s: the count of a tick is that of its end.
 const SLOW: f64 = 100.0;
@@ -81,14 +81,19 @@ impl Trust {
     }
 }
 
-/// How far a rotor that HI drives enters a stop, counts, where its worm holds it: IHIT turns the gear and the stop, and the blow at IVEL does. They
-/// add up by energy, since what IHIT adds during the blow friction takes.
+/// How far a rotor that HI drives enters a stop, counts, where its worm holds it. The energies of IHIT and of the blow at IVEL add: friction takes the
+/// work that IHIT does during the blow.
 fn homing_dent(joint: &Joint, view: &View) -> Option<f64> {
-    let plant = &joint.plant;
-    let yields = plant.stop_rad_n_m();
-    let pressed = view.property(Property::IHIT)? as f64 / UNITS * yields / RAD_PER_COUNT;
+    let pressed = joint.twist(view.property(Property::IHIT)? as f64 / UNITS);
     let speed = (view.property(Property::IVEL)?.unsigned_abs() as f64).min(joint.no_load(view.volts));
-    Some(0.5 * plant.backlash_counts + pressed.hypot((plant.j_kg_m2 * yields).sqrt() * speed))
+    Some(0.5 * joint.plant.backlash_counts + pressed.hypot(joint.blow(speed)))
+}
+
+/// Follows IVEL and IHIT, which another host may change while HI runs.
+fn follow_dent(joint: &mut Joint, view: &View) {
+    let Some(dent) = view.orders().next().and_then(|_| homing_dent(joint, view)) else { return };
+    let homes = view.orders().any(|order| order == (Property::CMD, Cmd::Hi.into()));
+    joint.truth.dent = if homes { dent } else { joint.truth.dent.max(dent) };
 }
 
 /// Whether HI has named as zero what is IOFF from neither stop, and how.
@@ -107,16 +112,9 @@ fn misplaced(plant: &PlantParams, dent: f64, view: &View) -> Option<String> {
 }
 
 pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
-    let ordered = view.orders().next().is_some();
-    let dent = if ordered { homing_dent(joint, view).unwrap_or(0.0) } else { 0.0 };
+    follow_dent(joint, view);
     let trust = &mut joint.truth;
     trust.follow(view);
-    if ordered {
-        let homes = view
-            .orders()
-            .any(|(property, value)| property == Property::CMD && Cmd::of(value) == Some(Cmd::Hi));
-        trust.dent = if homes { dent } else { trust.dent.max(dent) };
-    }
     // A jam is found out: HI leaves the place where it has stopped, and returns to it.
     trust.hindered |= HOMED_ELSEWHERE.is_recent(view);
     if !trust.hindered
