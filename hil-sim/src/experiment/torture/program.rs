@@ -90,6 +90,9 @@ const MOVES: [&str; 18] = [
 /// Motions that press, and what makes them press again: stalls heat a winding by 24 K/s (docs/safety.md).
 const HEATING: [&str; 8] = ["TC", "TO", "TC", "TO", "GTC", "STC", "HI", "123TO"];
 
+/// Longest pause between two of them, ms: TSTOP is 300.
+const HEATING_PAUSE_MS: u64 = 800;
+
 /// Longest rest of a long program, ms: a housing cools within minutes.
 const REST_MS: u64 = 120_000;
 
@@ -137,18 +140,28 @@ impl Program {
                 at_ms += rng.random_range(1_000..=REST_MS);
                 continue;
             }
-            let heats = rng.random();
+            if rng.random() {
+                at_ms = self.heat(rng, at_ms, &mut steps);
+                continue;
+            }
             for _ in 0..rng.random_range(1..=STEPS) {
-                let act = if heats && rng.random_ratio(3, 4) {
-                    self.line((*one(rng, &HEATING)).to_owned(), rng)
-                } else {
-                    self.act(rng)
-                };
-                steps.push(Step { at_ms, act });
+                steps.push(Step { at_ms, act: self.act(rng) });
                 at_ms += rng.random_range(0..=3_000);
             }
         }
         steps
+    }
+
+    /// A spell that heats windings up to their limit: one motion that presses, again and again, and now and then something else. Returns its end.
+    fn heat(&self, rng: &mut Pcg64Mcg, mut at_ms: u64, steps: &mut Vec<Step>) -> u64 {
+        let text = *one(rng, &HEATING);
+        for _ in 0..rng.random_range(1..=STEPS) {
+            let act =
+                if rng.random_ratio(7, 8) { self.line(text.to_owned(), rng) } else { self.act(rng) };
+            steps.push(Step { at_ms, act });
+            at_ms += rng.random_range(0..=HEATING_PAUSE_MS);
+        }
+        at_ms
     }
 
     fn line(&self, text: String, rng: &mut Pcg64Mcg) -> Act {
@@ -281,6 +294,7 @@ pub fn frame(rng: &mut Pcg64Mcg) -> Frame {
             Property::CMD => i64::from(*one(rng, &[13u8, 13, 14, 15, 16, 17, 18, 19, 20, 21, 7, 0, 1, 3])),
             Property::STAT => *one(rng, &[2, 2, 2, 0]),
             Property::V => rng.random_range(-1_000..=1_000),
+            _ if rng.random_ratio(1, 8) => *one(rng, &[row.min, row.max]),
             _ => rng.random_range(row.min..=row.max),
         };
         if let Some(message) = Message::set(to, property, value) {

@@ -105,8 +105,12 @@ pub fn once(joint: &mut Joint, view: &View) -> Option<String> {
 fn longest_ms(view: &View) -> Option<f64> {
     let number = |property| view.property(property).map(|value| value as f64);
     let (tstop_ms, accel) = (number(Property::TSTOP)?, number(Property::ACCEL)?);
-    if tstop_ms == 0.0 || accel == 0.0 {
+    if tstop_ms == 0.0 {
         return None;
+    }
+    if accel == 0.0 {
+        // It moves no set-point, and ends as a stall (decision 0007).
+        return Some(tstop_ms + OWN_MS);
     }
     let (here, end) = (number(Property::P)?, number(Property::E)?);
     let speed = number(Property::MV)?.min(number(Property::MCV)?).min(number(Property::MOV)?).max(16.0);

@@ -30,7 +30,10 @@ fn is_under_way(joint: &Joint, view: &View) -> bool {
     let mode = view.mode();
     let runs = match joint.meaning.errand {
         Errand::Moves => mode == Some(ModeCode::Trapezoidal),
-        Errand::Presses => mode == Some(ModeCode::Velocity),
+        // V is the velocity of mode 4: one that a host sets meanwhile takes over, and ends TC and TO (docs/properties.md).
+        Errand::Presses => {
+            mode == Some(ModeCode::Velocity) && view.property(Property::V) != view.property(Property::VSET)
+        }
         Errand::None | Errand::Homes => false,
     };
     runs && view.driven() && view.property(Property::END) == Some(0)
@@ -57,7 +60,10 @@ pub fn breakaway(joint: &mut Joint, view: &View) -> Option<String> {
     let strength = strength(&joint.plant);
     let moves = joint.meaning.errand == Errand::Moves && is_under_way(joint, view);
     let bt = view.property(Property::BT)?;
-    let way = view.property(Property::E)? - view.property(Property::P)?;
+    let end = view.property(Property::E)?;
+    let way = end - view.property(Property::P)?;
+    // One whose end has come nearer than its set-point is on its way back: TSTOP ends it (docs/safety.md).
+    let moves = moves && view.property(Property::DP)? <= end;
     let torque = view.truth.torque_n_m;
     let carries = torque > LOADED * bt as f64 / UNITS * strength + RIPPLE_N_M && presses(view);
     let stands = view.truth.counts_per_s.abs() <= STILL;
