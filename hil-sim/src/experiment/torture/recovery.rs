@@ -111,7 +111,7 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     for line in ["C", "O", ALONE] {
         session.look_at_settings();
         let answer = run(session, line);
-        if (is_error(&answer) || !has_arrived(session)) && session.is_whole() && !is_blocked(session) {
+        if (is_error(&answer) || !has_arrived(session)) && session.is_whole() && !session.is_blocked() {
             let errors = errors(session);
             session.fail(MOVES, 0, format!("{line} ends in {:?}; {errors}", text(&answer)));
         }
@@ -146,11 +146,6 @@ fn wait_until_cool<S: Subject>(session: &mut Session<'_, S>) -> u64 {
 fn has_arrived<S: Subject>(session: &Session<'_, S>) -> bool {
     let mut nodes = session.hand.bus().stations().filter_map(Subject::native);
     nodes.all(|node| node.application().is_some_and(|tater| tater.status().end == Some(EndReason::Arrived)))
-}
-
-/// An object, or another finger, may stop a finger before its goal.
-fn is_blocked<S: Subject>(session: &Session<'_, S>) -> bool {
-    session.hand.scene().is_some()
 }
 
 fn run<S: Subject>(session: &mut Session<'_, S>, line: &str) -> String {

@@ -1,6 +1,7 @@
-//! Whether RealTime tells its host the truth: position, velocity, and changes of position whose sum is the position (manual 6.2.3).
+//! Whether RealTime tells its host the truth: position, velocity, and changes of position whose sum is the position (manual 6.2.3). And whether a
+//! finger is one: its tip follows its link, and goes on alone when the link stalls (docs/hand.md).
 
-use super::fault::Subject;
+use super::fault::{Subject, with_rig};
 use super::invariant::STREAMS;
 use super::session::Session;
 
@@ -30,6 +31,22 @@ const ANSWER: usize = 7;
 const OFF_COUNTS: f64 = 5.0;
 const OFF_COUNTS_PER_S: f64 = 150.0;
 
+/// The first finger's link and tip.
+const LINK: usize = 0;
+const TIP: usize = 4;
+
+/// The tip's share of its link's travel, and the counts by which it may be off: a nominal one by 3 at 80 counts/s and 5 at 1,000 (docs/hand.md),
+/// and half as much again where friction, R and Ke are off by 30 %, until the integral has made up for them (0.3 s).
+const SHARE: f64 = 13.0 / 49.0;
+const LAG_COUNTS: f64 = 7.5;
+
+/// Friction that holds a link, N·m: more than a motor makes.
+const HELD_N_M: f64 = 5.0;
+
+/// Blocks of a link that is held: TSTOP, and 0.6 s in which its tip goes on at its share of the link's velocity: 25 counts, and what is left of its lag.
+const HELD: usize = 45;
+const ALONE_COUNTS: f64 = 22.0;
+
 /// Longest time of a line, ms.
 const LINE_MS: u64 = 5_000;
 
@@ -48,9 +65,9 @@ fn parse(bytes: &[u8]) -> Option<Answer> {
     })
 }
 
-/// The true place and velocity of the finger's link.
-fn truth<S: Subject>(session: &Session<'_, S>) -> (f64, f64) {
-    let truth = session.hand.bus().stations().next().map(|board| board.rig().truth());
+/// The true place and velocity of a motor.
+fn truth<S: Subject>(session: &Session<'_, S>, motor: usize) -> (f64, f64) {
+    let truth = session.hand.bus().stations().nth(motor).map(|board| board.rig().truth());
     truth.map_or((0.0, 0.0), |truth| (truth.counts, truth.counts_per_s))
 }
 
@@ -61,7 +78,7 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
     let (Some(mut told), true) = (number, session.is_whole()) else {
         return session.fail(STREAMS, 1, format!("FSET and FGET P answer {asked:?}"));
     };
-    let (from, first) = (told, truth(session).0);
+    let (from, first, first_tip) = (told, truth(session, LINK).0, truth(session, TIP).0);
     // The layout is GOD's: no order is on its way to a board.
     session.shadow.forget();
     session.look_at_settings();
@@ -79,7 +96,8 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
             return session.fail(STREAMS, 1, found);
         };
         told += answer.change;
-        let (counts, speed) = truth(session);
+        let (counts, speed) = truth(session, LINK);
+        let lag = SHARE * (counts - first) - (truth(session, TIP).0 - first_tip);
         let off = (answer.position - from) as f64 / GCL - (counts - first);
         let found = if off.abs() > OFF_COUNTS {
             format!("LFAP is {off:.1} counts from the rotor's way")
@@ -87,6 +105,8 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
             format!("LFV says {} counts/s, the rotor has {speed:.0}", answer.velocity)
         } else if answer.position != told && !FULL.contains(&answer.change) {
             format!("the sum of LFDP is {told}, LFAP {}", answer.position)
+        } else if lag.abs() > LAG_COUNTS && !session.is_blocked() {
+            format!("the tip is {lag:.1} counts behind its link")
         } else {
             String::new()
         };
@@ -97,7 +117,25 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
             session.step();
         }
     }
+    hold_link(session);
     session.abort();
+}
+
+/// Holds the link that is to close: its tip goes on alone.
+fn hold_link<S: Subject>(session: &mut Session<'_, S>) {
+    let from = truth(session, TIP).0;
+    with_rig(&mut session.hand, LINK, |rig| rig.jam(HELD_N_M));
+    for _ in 0..HELD {
+        session.send(&[b'C', VELOCITY, GAIN]);
+        for _ in 0..PAUSE_MS {
+            session.step();
+        }
+    }
+    with_rig(&mut session.hand, LINK, |rig| rig.jam(0.0));
+    let way = truth(session, TIP).0 - from;
+    if way < ALONE_COUNTS && !session.is_blocked() {
+        session.fail(STREAMS, TIP + 1, format!("beside a link that stalls its tip moves {way:.1} counts"));
+    }
 }
 
 fn wait<S: Subject>(session: &mut Session<'_, S>, most_ms: u64, is_there: impl Fn(&[u8]) -> bool) {
