@@ -13,7 +13,7 @@ use super::outside;
 use super::program::{Act, Program, Step};
 use crate::world::plant::PlantParams;
 use crate::world::rig::RigParams;
-use tater_wire::{MotorKind, Node as Id};
+use tater_wire::{MotorKind, Node as Id, Property};
 
 /// Motors of a hand.
 pub const MOTORS: usize = 7;
@@ -31,6 +31,12 @@ const RARELY: u32 = 16;
 /// One in so many of the other hosts' programs passes a serial adapter.
 const ADAPTERS: u32 = 2;
 
+/// One seed in so many loses its bus while motions are ordered.
+const BUS_CUTS: u32 = 8;
+
+/// One seed in so many that is not plain gives a property that shapes motions an end of its range.
+const EXTREMES: u32 = 4;
+
 /// One long seed in so many has boards that start anew while their motors are hot.
 const HOT_STARTS: u32 = 2;
 
@@ -40,6 +46,25 @@ const REST_MS: std::ops::Range<u64> = 2_160_000..4_800_000;
 
 /// One seed in so many meets a person's fingers.
 const FINGERS: u32 = 8;
+
+/// What shapes a motion.
+const SHAPING: [Property; 15] = [
+    Property::ACCEL,
+    Property::MV,
+    Property::MCV,
+    Property::MOV,
+    Property::TSTOP,
+    Property::MPE,
+    Property::MT,
+    Property::KP,
+    Property::KI,
+    Property::KD,
+    Property::KPV,
+    Property::BT,
+    Property::HSG,
+    Property::IVEL,
+    Property::IOFF,
+];
 
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -144,7 +169,7 @@ impl Case {
         let mut case = if is_long {
             case.with_fingers().with_hot_starts().with_rest()
         } else {
-            case.with_outsiders().with_fingers()
+            case.with_outsiders().with_fingers().with_bus_cuts().with_extremes()
         };
         case.faults.sort_by_key(|fault| fault.from_ms);
         case
@@ -185,6 +210,38 @@ impl Case {
                 at_ms += pause_ms;
             }
             self.steps.sort_by_key(|step| step.at_ms);
+        }
+        self
+    }
+
+    /// Cuts the bus while motions are ordered, in one seed of [`BUS_CUTS`]. Drawn apart, as [`Self::with_outsiders`].
+    fn with_bus_cuts(mut self) -> Self {
+        let mut rng = rng(self.seed, 10);
+        let moves: Vec<u64> =
+            self.steps.iter().filter(|step| step.act.moves()).map(|step| step.at_ms).collect();
+        if rng.random_ratio(1, BUS_CUTS) && !moves.is_empty() {
+            for _ in 0..rng.random_range(1..=6) {
+                let kind = *one(&mut rng, &[FaultKind::NoAck, FaultKind::CableCut, FaultKind::BusOff]);
+                // GOD wakes and asks its boards first.
+                let from_ms = *one(&mut rng, &moves) + rng.random_range(0..120);
+                self.faults.push(Fault { from_ms, ..Fault::draw(kind, &mut rng, self.stop_ms) });
+            }
+            self.faults.retain(|fault| fault.from_ms < self.stop_ms);
+        }
+        self
+    }
+
+    /// Gives a property that shapes motions an end of its range on every board, in one seed of [`EXTREMES`]. Drawn apart, as
+    /// [`Self::with_outsiders`].
+    fn with_extremes(mut self) -> Self {
+        let mut rng = rng(self.seed, 11);
+        if !self.is_plain && rng.random_ratio(1, EXTREMES) {
+            let row = one(&mut rng, &SHAPING).row();
+            let value = *one(&mut rng, &[row.min, row.max]);
+            let text = format!("1234567 S {} {value}", row.name);
+            let at_ms = rng.random_range(0..self.stop_ms / 2);
+            let place = self.steps.partition_point(|step| step.at_ms <= at_ms);
+            self.steps.insert(place, Step { at_ms, act: Act::Line { text, patience_ms: Some(1_000) } });
         }
         self
     }

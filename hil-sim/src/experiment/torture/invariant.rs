@@ -333,8 +333,8 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         LATE,
-        "no board is ordered to move 100 ms after GOD's prompt: what the bus did not take is dropped",
-        "docs/hand.md, Errors of the hand",
+        "no board is ordered to move 45 ms after GOD's prompt: what the bus did not take is dropped",
+        "docs/hand.md, Deadlines",
         excuse::LATE,
         Check::Hand,
     ),

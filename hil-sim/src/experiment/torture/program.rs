@@ -48,6 +48,12 @@ pub enum Act {
 }
 
 impl Act {
+    /// Whether it is a plain motion.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        matches!(self, Self::Line { text, .. } if MOVES.contains(&text.as_str()))
+    }
+
     /// Whether it is a motion that presses.
     #[must_use]
     pub fn heats(&self) -> bool {
@@ -155,9 +161,14 @@ impl Program {
     /// A spell that heats windings up to their limit: one motion that presses, again and again, and now and then something else. Returns its end.
     fn heat(&self, rng: &mut Pcg64Mcg, mut at_ms: u64, steps: &mut Vec<Step>) -> u64 {
         let text = *one(rng, &HEATING);
+        let presses_on = !self.is_plain && rng.random();
         for _ in 0..rng.random_range(1..=STEPS) {
-            let act =
-                if rng.random_ratio(7, 8) { self.line(text.to_owned(), rng) } else { self.act(rng) };
+            let act = match rng.random_range(0..8) {
+                0 => self.act(rng),
+                // Again and again: a board that has started anew does not have it.
+                1 if presses_on => self.line("FSET HOLD 1 TSTOP 0".to_owned(), rng),
+                _ => self.line(text.to_owned(), rng),
+            };
             steps.push(Step { at_ms, act });
             at_ms += rng.random_range(0..=HEATING_PAUSE_MS);
         }

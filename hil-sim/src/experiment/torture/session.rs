@@ -40,7 +40,7 @@ const LATE_MS: u64 = 30;
 
 /// Time after the prompt and after the host's last byte in which the bus may still take an order: GOD notices within 40 ms that it takes none
 /// (docs/hand.md).
-const LATE_ORDER_MS: u64 = 100;
+const LATE_ORDER_MS: u64 = 45;
 
 /// Time in which what a line has ordered reaches the boards: its prompt may be there before.
 const ORDERING_MS: u64 = 10;
@@ -78,10 +78,9 @@ fn orders_motion(seen: &Seen) -> bool {
     match seen.order() {
         Some((Property::M | Property::E, _)) => true,
         Some((Property::MODE, mode)) => mode != i64::from(ModeCode::Idle),
-        Some((Property::CMD, value)) => !matches!(
-            Cmd::of(value),
-            None | Some(Cmd::Reset | Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def)
-        ),
+        Some((Property::CMD, value)) => {
+            !matches!(Cmd::of(value), None | Some(Cmd::Reset | Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def))
+        }
         _ => false,
     }
 }

@@ -20,6 +20,9 @@ const CELL: i64 = 1;
 /// Time for what neither profile nor stall explains, ms: the brake, and an arrival that waits for TSTOP and 2 s.
 const OWN_MS: f64 = 4_000.0;
 
+/// Time of the brake and of a rotor that coasts, ms.
+const COAST_MS: f64 = 1_000.0;
+
 /// How much longer than its profile a move may take that nothing hinders, and with a supply or a clock that is off.
 const LATE: f64 = 2.0;
 
@@ -109,8 +112,8 @@ fn longest_ms(view: &View) -> Option<f64> {
         return None;
     }
     if accel == 0.0 {
-        // It moves no set-point, and ends as a stall (decision 0007).
-        return Some(tstop_ms + OWN_MS);
+        // It moves no set-point, and ends as a stall (decision 0007): TSTOP after the brake and the last count of a rotor that coasts.
+        return Some(tstop_ms + COAST_MS);
     }
     let (here, end) = (number(Property::P)?, number(Property::E)?);
     let speed = number(Property::MV)?.min(number(Property::MCV)?).min(number(Property::MOV)?).max(16.0);
