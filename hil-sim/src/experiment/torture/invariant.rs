@@ -69,8 +69,6 @@ pub const QUEUES: &str = "queues";
 pub const ENERGY: &str = "energy";
 /// The image on the emulated processor neither stops nor drives both switches of a leg.
 pub const IMAGE: &str = "image-runs";
-/// Orders leave while their command runs.
-pub const LATE: &str = "no-late-order";
 /// Settings come back.
 pub const GIVES_BACK: &str = "gives-back";
 /// Nothing panics.
@@ -330,13 +328,6 @@ pub const INVARIANTS: &[Invariant] = &[
         ABORT,
         "^C brings the prompt within 0.6 s, and the motors of the host's commands to rest",
         "manual 5.1.2; decision 0035",
-    ),
-    row(
-        LATE,
-        "no board is ordered to move 45 ms after GOD's prompt: what the bus did not take is dropped",
-        "docs/hand.md, Deadlines",
-        excuse::LATE,
-        Check::Hand,
     ),
     hand(
         GIVES_BACK,

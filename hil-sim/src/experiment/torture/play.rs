@@ -125,7 +125,6 @@ impl<S: Subject> Session<'_, S> {
             Act::Raw(frames) => {
                 self.forget_settings();
                 self.shadow.doubt();
-                self.note_busy();
                 frames.iter().for_each(|frame| self.hand.bus_mut().intrude(*frame));
             }
             Act::Download(node) => {

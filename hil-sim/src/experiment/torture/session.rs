@@ -4,13 +4,11 @@ use std::hash::{DefaultHasher, Hasher};
 
 use god::io::ABORT;
 use servo_core::mode::Mode;
-use tater_wire::{Cmd, ModeCode, Property};
 
 use super::case::{Case, MOTORS};
 use super::fault::{Faults, Subject};
-use super::invariant::excuse;
 use super::invariant::measure::Worst;
-use super::invariant::{self, ABORT as ABORTS, ENERGY, GIVES_BACK, IMAGE, Joint, LATE, QUEUES, Seen, View};
+use super::invariant::{self, ABORT as ABORTS, ENERGY, GIVES_BACK, IMAGE, Joint, QUEUES, View};
 use super::kinds::{FaultKind, Kinds};
 use super::observe;
 use super::shadow::{self, Settings, Shadow};
@@ -37,10 +35,6 @@ const PROMPTED: &[u8] = b"\n\r=> ";
 
 /// Time in which the prompts of further ^C come, ms.
 const LATE_MS: u64 = 30;
-
-/// Time after the prompt and after the host's last byte in which the bus may still take an order: GOD notices within 40 ms that it takes none
-/// (docs/hand.md).
-const LATE_ORDER_MS: u64 = 45;
 
 /// Time in which what a line has ordered reaches the boards: its prompt may be there before.
 const ORDERING_MS: u64 = 10;
@@ -72,18 +66,6 @@ const UNSTEADY: Kinds = Kinds::of(&[
     FaultKind::SecondHost,
     FaultKind::HandPowerCut,
 ]);
-
-/// Whether it is an order that begins a motion.
-fn orders_motion(seen: &Seen) -> bool {
-    match seen.order() {
-        Some((Property::M | Property::E, _)) => true,
-        Some((Property::MODE, mode)) => mode != i64::from(ModeCode::Idle),
-        Some((Property::CMD, value)) => {
-            !matches!(Cmd::of(value), None | Some(Cmd::Reset | Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def))
-        }
-        _ => false,
-    }
-}
 
 /// A failure.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,8 +131,6 @@ pub struct Session<'a, S> {
     silent_ms: u64,
     /// When a line has last ordered settings, ms.
     ordered_ms: u64,
-    /// When GOD last had something to do, or another host's frames were on their way, ms.
-    busy_ms: u64,
     pub(super) shadow: Shadow,
     look: &'a mut dyn FnMut(&Hand<S>),
 }
@@ -177,7 +157,6 @@ impl<'a, S: Subject> Session<'a, S> {
             unread_ms: 0,
             silent_ms: 0,
             ordered_ms: 0,
-            busy_ms: 0,
             shadow: Shadow::default(),
             look,
         }
@@ -318,10 +297,6 @@ impl<'a, S: Subject> Session<'a, S> {
 
     fn check(&mut self) {
         let ms = self.ms();
-        if !self.hand.io().waits_for_line() || self.hand.bus().strangers_waiting() > 0 {
-            self.busy_ms = ms;
-        }
-        let is_late = ms > self.busy_ms + LATE_ORDER_MS;
         for motor in 0..MOTORS {
             self.seen.clear();
             if let Some(node) = self.hand.bus_mut().station_mut(motor).and_then(Subject::native_mut) {
@@ -355,26 +330,16 @@ impl<'a, S: Subject> Session<'a, S> {
             if let Some(fault) = application.and_then(|tater| tater.status().fault) {
                 self.outcome.errors |= 1 << (tater_fw::codes::fault_code(fault).code() & 63);
             }
-            let late = self.seen.iter().find(|seen| orders_motion(seen));
-            let late = late.filter(|_| is_late && !excuse::LATE.iter().any(|excuse| excuse.excuses(&view)));
             let broken = self.joints[motor].check(&view);
             let problem = board.problem();
             if let Some((invariant, found)) = broken {
                 self.fail(invariant.name, motor + 1, found);
             } else if let Some(problem) = problem {
                 self.fail(IMAGE, motor + 1, problem);
-            } else if let Some(late) = late.copied() {
-                let since_ms = ms - self.busy_ms;
-                self.fail(LATE, motor + 1, format!("{late:?} {since_ms} ms after GOD's prompt"));
             }
         }
         self.check_queues();
         self.digest.write_u64(self.hand.bus().stats().frames);
-    }
-
-    /// Orders of another host, which GOD's prompt does not end.
-    pub(super) fn note_busy(&mut self) {
-        self.busy_ms = self.ms();
     }
 
     fn check_queues(&mut self) {
@@ -432,7 +397,6 @@ impl<'a, S: Subject> Session<'a, S> {
                 return false;
             }
             if self.hand.is_on() {
-                self.busy_ms = self.ms();
                 self.hand.push_rx(&[byte]);
             }
         }

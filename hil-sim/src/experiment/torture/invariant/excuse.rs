@@ -163,12 +163,6 @@ pub(super) const HINDERED: Excuse = part(
 /// Of arrived-is-true.
 pub const ARRIVED: &[Excuse] = &[here(LYING_HALLS, "a rotor is misplaced until the lines are found out")];
 
-/// Of no-late-order.
-pub const LATE: &[Excuse] = &[
-    here(Kinds::of(&[F::BoardHang]), "a board that hangs reads its three frames when it goes on"),
-    anywhere(&[F::SecondHost, F::Babble], "the order may be another node's"),
-];
-
 /// Of counters-grow.
 pub const COUNTERS: &[Excuse] = &[DAMAGED, CUT];
 pub(super) const DAMAGED: Excuse = part(
