@@ -31,7 +31,7 @@ const RARELY: u32 = 16;
 /// One in so many of the other hosts' programs passes a serial adapter.
 const ADAPTERS: u32 = 2;
 
-/// One seed in so many loses its bus while motions are ordered.
+/// One seed in so many loses its bus about when motions are to be ordered.
 const BUS_CUTS: u32 = 8;
 
 /// One seed in so many that is not plain gives a property that shapes motions an end of its range.
@@ -214,21 +214,12 @@ impl Case {
         self
     }
 
-    /// Cuts the bus while motions are ordered, in one seed of [`BUS_CUTS`]. Drawn apart, as [`Self::with_outsiders`].
-    fn with_bus_cuts(mut self) -> Self {
+    /// Cuts the bus about when motions are to be ordered, in one seed of [`BUS_CUTS`]. Drawn apart, as [`Self::with_outsiders`].
+    fn with_bus_cuts(self) -> Self {
         let mut rng = rng(self.seed, 10);
-        let moves: Vec<u64> =
-            self.steps.iter().filter(|step| step.act.moves()).map(|step| step.at_ms).collect();
-        if rng.random_ratio(1, BUS_CUTS) && !moves.is_empty() {
-            for _ in 0..rng.random_range(1..=6) {
-                let kind = *one(&mut rng, &[FaultKind::NoAck, FaultKind::CableCut, FaultKind::BusOff]);
-                // GOD wakes and asks its boards first.
-                let from_ms = *one(&mut rng, &moves) + rng.random_range(0..120);
-                self.faults.push(Fault { from_ms, ..Fault::draw(kind, &mut rng, self.stop_ms) });
-            }
-            self.faults.retain(|fault| fault.from_ms < self.stop_ms);
-        }
-        self
+        let kinds = [FaultKind::NoAck, FaultKind::CableCut, FaultKind::BusOff];
+        // GOD wakes and asks its boards first.
+        self.with_faults_after(&mut rng, Act::moves, BUS_CUTS, 6, &kinds, 120)
     }
 
     /// Gives a property that shapes motions an end of its range on every board, in one seed of [`EXTREMES`]. Drawn apart, as
@@ -247,16 +238,29 @@ impl Case {
     }
 
     /// Starts boards anew while their motors are hot, in one long program of [`HOT_STARTS`]. Drawn apart, as [`Self::with_outsiders`].
-    fn with_hot_starts(mut self) -> Self {
+    fn with_hot_starts(self) -> Self {
         let mut rng = rng(self.seed, 9);
-        let presses: Vec<u64> =
-            self.steps.iter().filter(|step| step.act.heats()).map(|step| step.at_ms).collect();
-        if rng.random_ratio(1, HOT_STARTS) && !presses.is_empty() {
-            for _ in 0..rng.random_range(1..=12) {
-                let kind =
-                    *one(&mut rng, &[FaultKind::BoardReset, FaultKind::PowerCut, FaultKind::HandPowerCut]);
-                let from_ms = *one(&mut rng, &presses) + rng.random_range(0..2_000);
-                self.faults.push(Fault { from_ms, ..Fault::draw(kind, &mut rng, self.stop_ms) });
+        let kinds = [FaultKind::BoardReset, FaultKind::PowerCut, FaultKind::HandPowerCut];
+        self.with_faults_after(&mut rng, Act::heats, HOT_STARTS, 12, &kinds, 2_000)
+    }
+
+    /// Adds up to `most` faults, each within so many ms of a step that `is_near` names, to one case in `of`.
+    fn with_faults_after(
+        mut self,
+        rng: &mut Pcg64Mcg,
+        is_near: fn(&Act) -> bool,
+        of: u32,
+        most: u32,
+        kinds: &[FaultKind],
+        within_ms: u64,
+    ) -> Self {
+        let steps: Vec<u64> =
+            self.steps.iter().filter(|step| is_near(&step.act)).map(|step| step.at_ms).collect();
+        if rng.random_ratio(1, of) && !steps.is_empty() {
+            for _ in 0..rng.random_range(1..=most) {
+                let kind = *one(rng, kinds);
+                let from_ms = *one(rng, &steps) + rng.random_range(0..within_ms);
+                self.faults.push(Fault { from_ms, ..Fault::draw(kind, rng, self.stop_ms) });
             }
             self.faults.retain(|fault| fault.from_ms < self.stop_ms);
         }
