@@ -48,11 +48,14 @@ impl Bench {
         self.node.receive(&message.frame()).expect("taken");
     }
 
-    /// Goes on by [`LOOK_US`], with a host that HOSTMS waits for.
+    /// Goes on by [`LOOK_US`], with a host that HOSTMS waits for and that takes each answer.
     fn look(&mut self) -> Truth {
         if self.now_us.is_multiple_of(500_000) {
             let message = Message::get(Destination::Node(self.id), Property::P);
             self.node.receive(&message.frame()).expect("taken");
+        }
+        while let Some(frame) = self.node.mailboxes().first().cloned() {
+            self.node.sent(&frame);
         }
         self.now_us += LOOK_US;
         self.node.advance(self.now_us);

@@ -31,8 +31,7 @@ struct Squeeze {
     stays_n: f64,
 }
 
-fn squeeze(kind: MotorKind, n_per_mm: f64, mt: i64, speed: i64) -> Squeeze {
-    let plant = PlantParams::for_motor(kind);
+fn squeeze(plant: PlantParams, kind: MotorKind, n_per_mm: f64, mt: i64, speed: i64) -> Squeeze {
     let (lever_m, gear) = (lever_m(kind), plant.gear_ratio);
     let stiffness = stiffness_n_m_rad(kind, n_per_mm);
     let object = Object {
@@ -68,6 +67,37 @@ fn squeeze(kind: MotorKind, n_per_mm: f64, mt: i64, speed: i64) -> Squeeze {
     Squeeze { peak_n, impulse_n_s, settled_ms: felt[last].0 - began_ms, stays_n }
 }
 
+/// The bounds of docs/safety.md, N: of a joint that comes with MCV's default at most, and of one without a limit of its speed.
+const MOST_N: [(i64, f64); 2] = [(1000, 350.0), (4080, 450.0)];
+
+/// Motors that are 30 % off in the ways that bring the most energy: little EMF, which is speed, a heavy rotor, and little resistance, which is torque.
+#[test]
+fn a_person_feels_no_more_than_the_documents_say_of_motors_that_are_off() {
+    for (speed, most_n) in MOST_N {
+        let mut worst = 0.0_f64;
+        for kind in KINDS {
+            for (ke, r) in [(0.7, 0.7), (0.7, 1.3), (1.0, 0.7)] {
+                for mt in [200, 990] {
+                    let mut plant = PlantParams::for_motor(kind);
+                    plant.ke_v_s *= ke;
+                    plant.r_ohm *= r;
+                    plant.j_kg_m2 *= 1.3;
+                    plant.bus_v = 28.0;
+                    let peak_n = squeeze(plant, kind, N_PER_MM, mt, speed).peak_n;
+                    assert!(
+                        peak_n <= most_n,
+                        "{kind:?}, Ke {ke}, R {r}, MT {mt}, MCV {speed}: {peak_n:.0} N"
+                    );
+                    worst = worst.max(peak_n);
+                }
+            }
+        }
+        println!("figure: MCV {speed}: a person's finger feels {worst:.0} N");
+        // Tight: a looser bound would be a promise that nothing measures.
+        assert!(worst > 0.9 * most_n, "{worst:.0} N of {most_n}");
+    }
+}
+
 fn table() -> String {
     let mut text = String::new();
     text.push_str("| joint | object | MT | MV, MCV, counts/s | peak, N | impulse, N·s | within 10 % after, ms | stays, N |\n");
@@ -76,7 +106,7 @@ fn table() -> String {
         for (name, n_per_mm) in OBJECTS {
             for mt in TORQUES {
                 for speed in SPEEDS {
-                    let found = squeeze(kind, n_per_mm, mt, speed);
+                    let found = squeeze(PlantParams::for_motor(kind), kind, n_per_mm, mt, speed);
                     let _ = writeln!(
                         text,
                         "| {kind:?} | {name} | {mt} | {speed} | {:.0} | {:.2} | {:.0} | {:.0} |",

@@ -1,9 +1,11 @@
-//! MT bounds the torque of a rotor that a stop holds, but for the milliseconds that the winding and the control take.
+//! MT bounds the torque of a rotor that something holds, but for the milliseconds that the winding and the control take.
 
 use tater_wire::{MotorKind, Property};
 
 use super::{Bench, KINDS, LOOK_US, UNITS};
+use hil_sim::hand::person::{DAMPING_S, N_PER_MM, stiffness_n_m_rad};
 use hil_sim::plant::PlantParams;
+use hil_sim::rig::{Object, Side};
 
 use crate::chart::{self, BLUE, ORANGE, Panel, Points};
 
@@ -13,7 +15,7 @@ const RUN_UP: f64 = 80.0;
 /// How long is looked after the contact, ms.
 const AFTER_MS: f64 = 150.0;
 
-/// A motor that closes into its stop in mode 4.
+/// A motor that closes in mode 4, into its stop or, in the middle of its range, into something that gives way.
 #[derive(Clone, Debug)]
 struct Approach {
     kind: MotorKind,
@@ -21,22 +23,35 @@ struct Approach {
     mt: i64,
     speed: i64,
     mke: i64,
+    /// Stiffness of what it meets, N/mm; its stop if there is none.
+    n_per_mm: Option<f64>,
 }
 
 impl Approach {
     fn new(kind: MotorKind, mt: i64, speed: i64) -> Self {
         let mke = Property::MKE.row().default_for_motor(kind).expect("a default");
-        Self { kind, plant: PlantParams::for_motor(kind), mt, speed, mke: mke.into() }
+        Self { kind, plant: PlantParams::for_motor(kind), mt, speed, mke: mke.into(), n_per_mm: None }
     }
 
-    /// The torque of MT by this motor's own resistance and Ke, N·m.
+    /// The torque of MT by this motor's own Ke, and by its resistance where that lets more than the nominal current flow, N·m. Of a motor with more
+    /// resistance the board knows no better than the current that MT means.
     fn own_n_m(&self) -> f64 {
         let nominal = PlantParams::for_motor(self.kind);
-        self.mt as f64 / UNITS * (self.plant.ke_v_s / nominal.ke_v_s) * (nominal.r_ohm / self.plant.r_ohm)
+        let current = (nominal.r_ohm / self.plant.r_ohm).max(1.0);
+        self.mt as f64 / UNITS * (self.plant.ke_v_s / nominal.ke_v_s) * current
+    }
+
+    /// Where it meets what it meets, counts, and the object there, if any.
+    fn obstacle(&self) -> (f64, Option<Object>) {
+        let Some(n_per_mm) = self.n_per_mm else { return (self.plant.max_count + 0.5, None) };
+        let from_count = f64::midpoint(self.plant.min_count, self.plant.max_count);
+        let stiffness_n_m_rad = stiffness_n_m_rad(self.kind, n_per_mm);
+        let damping_n_m_s = DAMPING_S * stiffness_n_m_rad;
+        (from_count, Some(Object { from_count, stiffness_n_m_rad, damping_n_m_s, side: Side::Closing }))
     }
 }
 
-/// What a stop felt.
+/// What a stop or an object felt.
 #[derive(Clone, Debug, Default)]
 struct Impact {
     /// Time in the stop with more than 1.25 of the torque of MT, ms, and what more than 1.1 of it was beyond MT, mN·m·s.
@@ -49,8 +64,8 @@ struct Impact {
 }
 
 fn impact(approach: &Approach) -> Impact {
-    let stop = approach.plant.max_count + 0.5;
-    let mut bench = Bench::new(approach.kind, &approach.plant, stop - RUN_UP, &[]);
+    let (stop, object) = approach.obstacle();
+    let mut bench = Bench::new(approach.kind, &approach.plant, stop - RUN_UP, object.as_slice());
     for (property, value) in [
         (Property::MT, approach.mt),
         (Property::MKE, approach.mke),
@@ -82,6 +97,19 @@ fn impact(approach: &Approach) -> Impact {
     }
     found
 }
+
+/// Motors that are not the nominal one: what multiplies Ke, R and the rotor's inertia.
+const MOTORS: [(f64, f64, f64); 9] = [
+    (1.0, 1.0, 1.0),
+    (0.7, 1.0, 1.0),
+    (1.3, 1.0, 1.0),
+    (1.0, 0.7, 1.0),
+    (1.0, 1.3, 1.0),
+    (0.7, 0.7, 1.0),
+    (1.3, 1.3, 1.0),
+    (1.0, 1.0, 0.7),
+    (1.0, 1.0, 1.3),
+];
 
 /// Motors and properties with which the compensated EMF is right, and wrong by as much as it can be.
 fn motors(kind: MotorKind) -> [(&'static str, f64, i64); 5] {
@@ -125,8 +153,53 @@ fn mt_bounds_the_torque_at_a_stop_from_any_speed_and_with_any_ke() {
                 }
             }
         }
+        let (ms, m_n_m_s) = worst(kind, &[None], bounds(kind));
+        (longest, most) = (longest.max(ms), most.max(m_n_m_s));
         println!(
             "figure: {kind:?} in its stop: above 1.25 MT for {longest:.1} ms, {most:.2} mN·m·s beyond MT"
+        );
+    }
+}
+
+/// The bounds of docs/safety.md for what gives way by a millimeter for up to 30 N, as a person's finger: it slows a rotor down for longer than the halls show, and
+/// throws a spread back.
+fn soft_bounds(kind: MotorKind) -> (f64, f64) {
+    if kind == MotorKind::Spread { (45.0, 5.5) } else { (25.0, 2.2) }
+}
+
+/// The longest time above 1.25 MT, ms, and the most beyond MT, mN·m·s, of every motor at every speed and MT; none may pass its bounds.
+fn worst(kind: MotorKind, met: &[Option<f64>], (ms, m_n_m_s): (f64, f64)) -> (f64, f64) {
+    let (mut longest, mut most) = (0.0_f64, 0.0_f64);
+    for (ke, r, j) in MOTORS {
+        for &n_per_mm in met {
+            for mt in [100, 150, 200, 400, 750] {
+                for speed in [50, 100, 200, 400, 700, 1000] {
+                    let mut approach = Approach { n_per_mm, ..Approach::new(kind, mt, speed) };
+                    approach.plant.ke_v_s *= ke;
+                    approach.plant.r_ohm *= r;
+                    approach.plant.j_kg_m2 *= j;
+                    let found = impact(&approach);
+                    assert!(
+                        found.over_ms <= ms && found.over_m_n_m_s <= m_n_m_s,
+                        "{kind:?}, Ke {ke}, R {r}, J {j}, {n_per_mm:?} N/mm, MT {mt}, V {speed}: above MT for {:.1} ms, {:.2} mN·m·s",
+                        found.over_ms,
+                        found.over_m_n_m_s
+                    );
+                    longest = longest.max(found.over_ms);
+                    most = most.max(found.over_m_n_m_s);
+                }
+            }
+        }
+    }
+    (longest, most)
+}
+
+#[test]
+fn mt_bounds_the_torque_on_what_gives_way() {
+    for kind in KINDS {
+        let (longest, most) = worst(kind, &[Some(2.0), Some(10.0), Some(N_PER_MM)], soft_bounds(kind));
+        println!(
+            "figure: {kind:?} on what gives way: above 1.25 MT for {longest:.1} ms, {most:.2} mN·m·s beyond MT"
         );
     }
 }

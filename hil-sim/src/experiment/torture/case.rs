@@ -45,7 +45,19 @@ const RESTS: u32 = 4;
 const REST_MS: std::ops::Range<u64> = 2_160_000..4_800_000;
 
 /// One seed in so many meets a person's fingers.
-const FINGERS: u32 = 8;
+const FINGERS: u32 = 4;
+
+/// MT of a motor that is to be gentle; below it, friction may hold it.
+const GENTLE_MT: std::ops::Range<i64> = 100..300;
+
+/// What has no limit if motors are to be as fast as they can.
+const FAST: [Property; 3] = [Property::MCV, Property::MV, Property::ACCEL];
+
+/// Motions that meet fingers, the time for each, and in which a finger comes, ms; and that for HI before them.
+const MEETING: [&str; 10] = ["C", "O", "GC", "GO", "SC", "SO", "TC", "TO", "STC", "STO"];
+const MEETS_MS: u64 = 1_500;
+const FINGER_AFTER_MS: u64 = 600;
+const HOMES_MS: u64 = 6_000;
 
 /// What shapes a motion.
 const SHAPING: [Property; 15] = [
@@ -175,15 +187,41 @@ impl Case {
         case
     }
 
-    /// Puts a person's fingers in the way of one seed in [`FINGERS`]. Drawn apart, as [`Self::with_outsiders`].
+    /// In one seed of [`FINGERS`], the program ends with motions that meet a person's fingers, or what is softer: as fast as motors can, or with little
+    /// torque. Half of the fast ones are stopped on their way. Drawn apart, as [`Self::with_outsiders`].
     fn with_fingers(mut self) -> Self {
         let mut rng = rng(self.seed, 7);
-        if rng.random_ratio(1, FINGERS) {
-            for _ in 0..rng.random_range(1..=12) {
-                self.faults.push(Fault::draw(FaultKind::Finger, &mut rng, self.stop_ms));
+        if !rng.random_ratio(1, FINGERS) {
+            return self;
+        }
+        // Whoever has chosen parameters may wait for hours otherwise.
+        let patience = |ms| (!self.is_plain).then_some(ms);
+        let (homes, meets) = (patience(HOMES_MS), patience(MEETS_MS));
+        let is_fast = !self.is_plain && rng.random();
+        if is_fast {
+            for property in FAST {
+                let row = property.row();
+                self.push_line(format!("1234567 S {} {}", row.name, row.max), homes);
             }
+        } else if !self.is_plain {
+            self.push_line(format!("1234567 S MT {}", rng.random_range(GENTLE_MT)), homes);
+        }
+        self.push_line("HI".to_owned(), homes);
+        self.stop_ms += HOMES_MS;
+        for _ in 0..rng.random_range(1..=8) {
+            let from_ms = self.stop_ms + rng.random_range(0..FINGER_AFTER_MS);
+            let stops = is_fast && rng.random();
+            let patience = if stops { Some(rng.random_range(50..FINGER_AFTER_MS)) } else { meets };
+            self.push_line((*one(&mut rng, &MEETING)).to_owned(), patience);
+            self.stop_ms += MEETS_MS;
+            self.faults.push(Fault { from_ms, ..Fault::draw(FaultKind::Finger, &mut rng, self.stop_ms) });
         }
         self
+    }
+
+    /// Ends the program with a line.
+    fn push_line(&mut self, text: String, patience_ms: Option<u64>) {
+        self.steps.push(Step { at_ms: self.stop_ms, act: Act::Line { text, patience_ms } });
     }
 
     /// Gives one seed in [`RARELY`] a second board with the number of another, one a host that changes who a board is, and one another hand's host. Drawn apart, so
@@ -230,11 +268,15 @@ impl Case {
             let row = one(&mut rng, &SHAPING).row();
             let value = *one(&mut rng, &[row.min, row.max]);
             let text = format!("1234567 S {} {value}", row.name);
-            let at_ms = rng.random_range(0..self.stop_ms / 2);
-            let place = self.steps.partition_point(|step| step.at_ms <= at_ms);
-            self.steps.insert(place, Step { at_ms, act: Act::Line { text, patience_ms: Some(1_000) } });
+            self.insert_line(rng.random_range(0..self.stop_ms / 2), text);
         }
         self
+    }
+
+    /// Adds a line that each board answers, after the steps of that time.
+    fn insert_line(&mut self, at_ms: u64, text: String) {
+        let place = self.steps.partition_point(|step| step.at_ms <= at_ms);
+        self.steps.insert(place, Step { at_ms, act: Act::Line { text, patience_ms: Some(1_000) } });
     }
 
     /// Starts boards anew while their motors are hot, in one long program of [`HOT_STARTS`]. Drawn apart, as [`Self::with_outsiders`].

@@ -78,6 +78,9 @@ const MOVING: f64 = 20.0;
 /// Most counts from a joint to a finger in its way: what it does in half a second at full speed.
 const FINGER_COUNTS: f64 = 500.0;
 
+/// The softest of what is in a joint's way, N/mm: foam.
+const SOFTEST_N_PER_MM: f64 = 2.0;
+
 /// The serial number of a spare board's chip; those of the hand's are below it.
 const SPARE_CHIP: u16 = 4711;
 
@@ -417,14 +420,15 @@ fn with_native<S: Subject>(board: &mut S, act: impl FnOnce(&mut Node)) {
     }
 }
 
-/// Puts a person's finger in the way of a joint: ahead of its motion, or on either side of one that stands.
+/// Puts a person's finger, or something softer, in the way of a joint: ahead of its motion, or on either side of one that stands.
 fn place_finger<S: Subject>(board: &mut S, motor: usize, rng: &mut Pcg64Mcg) {
     let rig = board.rig_mut();
     let speed = rig.truth().counts_per_s;
     let side = if speed.abs() > MOVING { speed.signum() } else { *one(rng, &[-1.0, 1.0]) };
     let at_count = rig.joint_counts() + side * rng.random_range(0.0..FINGER_COUNTS);
-    let finger = person::finger(kind(motor as u8 + 1), at_count, side);
-    rig.set_finger(Some(finger));
+    let softer = if rng.random() { 0.0 } else { rng.random_range(0.0..1.0) };
+    let n_per_mm = person::N_PER_MM * (SOFTEST_N_PER_MM / person::N_PER_MM).powf(softer);
+    rig.set_finger(Some(person::gives_way(kind(motor as u8 + 1), n_per_mm, at_count, side)));
 }
 
 /// SAVE of all, so that the flash is busy.

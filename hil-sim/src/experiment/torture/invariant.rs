@@ -197,7 +197,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "finger-energy",
-        "a person's finger, 30 N/mm, takes no more energy than the rotor brings to it and MT gives, in HI IHIT, and feels at most 350 N",
+        "a person's finger, 30 N/mm, takes no more energy than the rotor brings to it and MT gives, in HI IHIT, and feels at most 350 N, and 450 N of a joint that is faster than the nominal motor",
         "docs/force.md; docs/safety.md",
         excuse::FINGER,
         Check::Program(person::energy),

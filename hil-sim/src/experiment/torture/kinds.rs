@@ -189,7 +189,7 @@ table! {
         "ERR 8192 above the hand's OTEMP; TEMP and PTEMP", "-";
     SameNumber = "same-number", Motor, "a second board with the number of this one is on the bus, and obeys its orders",
         "ERR 1 from G STAT, WAKE, HI, and from motions once its answers differ; `ERR 1` names both", "unplugging it";
-    Finger = "finger", Motor, "a person's finger is in the way of the joint",
+    Finger = "finger", Motor, "a person's finger, or something softer, is in the way of the joint",
         "END 2 (stall); HI may take it for the stop", "HI";
 }
 

@@ -30,9 +30,9 @@ pub fn stiffness_n_m_rad(kind: MotorKind, n_per_mm: f64) -> f64 {
     1e3 * n_per_mm * (lever_m(kind) / gear).powi(2)
 }
 
-/// A person's finger at a count; `side` as in [`Contact`].
+/// What gives way by a millimeter for so many N, at a count: a person's finger has [`N_PER_MM`]. `side` as in [`Contact`].
 #[must_use]
-pub fn finger(kind: MotorKind, at_count: f64, side: f64) -> Contact {
-    let stiffness = stiffness_n_m_rad(kind, N_PER_MM);
+pub fn gives_way(kind: MotorKind, n_per_mm: f64, at_count: f64, side: f64) -> Contact {
+    let stiffness = stiffness_n_m_rad(kind, n_per_mm);
     Contact { from: at_count * RAD_PER_COUNT, side, stiffness, damping: DAMPING_S * stiffness }
 }

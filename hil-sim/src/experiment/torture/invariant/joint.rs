@@ -237,6 +237,8 @@ pub struct Contact {
     pub above_ms: u32,
     pub above_m_n_m_s: f64,
     pub apart_ms: u32,
+    /// Whether this impact is with something else than the joint's stop.
+    pub is_soft: bool,
     /// Ticks for which something has held the driven rotor, and the largest TSTOP meanwhile, and what else a move may have taken.
     pub held_ms: u64,
     pub tstop: u64,

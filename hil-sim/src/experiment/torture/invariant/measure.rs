@@ -7,14 +7,20 @@ pub enum Measure {
     AboveMs,
     /// And in that time so much beyond it, mN·m·s.
     AboveImpulse,
+    /// The same of a contact with something else than the joint's stop.
+    AboveSoftMs,
+    /// See `AboveSoftMs`.
+    AboveSoftImpulse,
     /// What holds a driven motor is pressed for so long after TSTOP, ms.
     HeldMs,
-    /// A person's finger feels so much, N; gets so much of it in half a second, N·s; and holds so much energy, J.
+    /// A person's finger feels so much, N, and gets so much of it in half a second, N·s.
     FingerNewton,
     /// See `FingerNewton`.
     FingerImpulse,
-    /// See `FingerNewton`.
-    FingerJoule,
+    /// The same of a finger that is met faster than the nominal motor turns.
+    FastFingerNewton,
+    /// See `FastFingerNewton`.
+    FastFingerImpulse,
     /// A move goes on outside LSG and HSG for so long, ms.
     StrainMs,
     /// A link that stands under 1.3 of BT carries it for so long, and six counts at MV longer, ms.
