@@ -616,14 +616,15 @@ impl Servo {
         self.velocity_wanted
     }
 
-    /// What property T reads: in mode 2 the commanded torque, unless a limit reduced it; elsewhere the torque applied.
+    /// What property T reads: in mode 2 the commanded torque, unless a limit reduced it, which MT does before the first tick; elsewhere the torque
+    /// applied.
     #[must_use]
-    pub const fn torque(&self) -> Torque {
+    pub fn torque(&self) -> Torque {
         match self.motion {
             Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. }
                 if self.applied.limit.is_none() =>
             {
-                wanted
+                wanted.clamp_abs(self.tuning.most)
             }
             _ => self.applied.torque,
         }

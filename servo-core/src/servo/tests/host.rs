@@ -83,6 +83,7 @@ fn torque_reads_as_commanded_unless_a_limit_reduces_it() {
     bench.tick();
     assert_eq!(bench.servo.torque(), Torque(300));
     bench.servo.command(Command::Torque(Torque(-990))).unwrap();
+    assert_eq!(bench.servo.torque(), Torque(-750), "MT, before the first tick");
     bench.tick();
     assert_eq!(bench.servo.torque(), Torque(-512), "the supply is loaded by steps");
     for _ in 0..20 {
