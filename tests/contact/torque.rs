@@ -12,6 +12,9 @@ use crate::chart::{self, BLUE, ORANGE, Panel, Points};
 /// Counts that the motor has to speed up in.
 const RUN_UP: f64 = 80.0;
 
+/// V and MCV beyond what a motor can do, counts/s.
+const FULL: i64 = 4080;
+
 /// How long is looked after the contact, ms.
 const AFTER_MS: f64 = 150.0;
 
@@ -70,6 +73,7 @@ fn impact(approach: &Approach) -> Impact {
         (Property::MT, approach.mt),
         (Property::MKE, approach.mke),
         (Property::HOLD, 0),
+        (Property::MCV, FULL),
         (Property::MODE, 4),
         (Property::V, approach.speed),
     ] {
@@ -164,7 +168,7 @@ fn mt_bounds_the_torque_at_a_stop_from_any_speed_and_with_any_ke() {
 /// The bounds of docs/safety.md for what gives way by a millimeter for up to 30 N, as a person's finger: it slows a rotor down for longer than the halls show, and
 /// throws a spread back.
 fn soft_bounds(kind: MotorKind) -> (f64, f64) {
-    if kind == MotorKind::Spread { (45.0, 5.5) } else { (25.0, 2.2) }
+    if kind == MotorKind::Spread { (45.0, 5.5) } else { (31.0, 2.0) }
 }
 
 /// The longest time above 1.25 MT, ms, and the most beyond MT, mN·m·s, of every motor at every speed and MT; none may pass its bounds.
@@ -173,7 +177,7 @@ fn worst(kind: MotorKind, met: &[Option<f64>], (ms, m_n_m_s): (f64, f64)) -> (f6
     for (ke, r, j) in MOTORS {
         for &n_per_mm in met {
             for mt in [100, 150, 200, 400, 750] {
-                for speed in [50, 100, 200, 400, 700, 1000] {
+                for speed in [50, 100, 200, 400, 700, 1000, FULL] {
                     let mut approach = Approach { n_per_mm, ..Approach::new(kind, mt, speed) };
                     approach.plant.ke_v_s *= ke;
                     approach.plant.r_ohm *= r;

@@ -148,7 +148,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "load-keeps-the-bus",
-        "motors do not pull a source of 500 W below 16 V: their torque folds back before",
+        "motors do not pull a source of 22 A and 500 W below 16 V: their torque folds back before",
         "docs/properties.md, ERROR 5; decision 0053",
         excuse::LOAD,
         Check::Program(power::load),

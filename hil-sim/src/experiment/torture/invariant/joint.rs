@@ -19,8 +19,9 @@ pub const AFTERMATH_MS: u64 = 1_000;
 pub const MEMORY: usize = 40;
 
 /// Power of a source that seven motors at the torque that is free cannot exhaust, W: they take 370 W, 520 W if each had the least resistance
-/// (decision 0053).
+/// (decision 0053). And the current that it needs however high its voltage is, A: motors that have pulled it down to 20 V draw that much there.
 const SOURCE_W: f64 = 500.0;
+const SOURCE_A: f64 = 22.0;
 
 /// What a board has done, in the terms of the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -407,7 +408,7 @@ impl Joint {
         let of = kind(motor as u8 + 1);
         Self {
             kind: of,
-            has_strong_source: world.source.0 * world.source.1 >= SOURCE_W,
+            has_strong_source: world.source.1 >= SOURCE_A && world.source.0 * world.source.1 >= SOURCE_W,
             plant: world.plants[motor].clone(),
             fastest: 0.0,
             driving_v: 0.0,
