@@ -2,9 +2,10 @@
 //! MT bounds the torque whatever the speed and the motor's constants are, and TSTOP its time.
 
 use hil_sim::board::SimBoard;
+use hil_sim::hand::person::{DAMPING_S, stiffness_n_m_rad};
 use hil_sim::node::Node;
 use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Object, Rig, RigParams, Truth};
+use hil_sim::rig::{Object, Rig, RigParams, Side, Truth};
 use tater_wire::{Destination, Message, MotorKind, Node as Id, Property};
 
 mod force;
@@ -18,6 +19,17 @@ const UNITS: f64 = 1575.0;
 const LOOK_US: u64 = 100;
 
 const KINDS: [MotorKind; 3] = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
+
+/// What a closing joint meets at a count, and that gives way by a millimeter for so many N.
+fn object(kind: MotorKind, from_count: f64, n_per_mm: f64) -> Object {
+    let stiffness_n_m_rad = stiffness_n_m_rad(kind, n_per_mm);
+    Object {
+        from_count,
+        stiffness_n_m_rad,
+        damping_n_m_s: DAMPING_S * stiffness_n_m_rad,
+        side: Side::Closing,
+    }
+}
 
 /// One board that knows its motor's direction, awake.
 struct Bench {

@@ -5,10 +5,9 @@ use std::path::PathBuf;
 
 use tater_wire::{Cmd, MotorKind, Property};
 
-use super::{Bench, KINDS, LOOK_US};
-use hil_sim::hand::person::{DAMPING_S, N_PER_MM, lever_m, stiffness_n_m_rad};
+use super::{Bench, KINDS, LOOK_US, object};
+use hil_sim::hand::person::{N_PER_MM, lever_m};
 use hil_sim::plant::PlantParams;
-use hil_sim::rig::{Object, Side};
 
 /// Stiffness of what is met, N/mm: a tool of steel behind a finger's cover, a person's finger, a rubber ball.
 const OBJECTS: [(&str, f64); 3] = [("stiff", 300.0), ("person's finger", N_PER_MM), ("soft", 3.0)];
@@ -33,13 +32,8 @@ struct Squeeze {
 
 fn squeeze(plant: PlantParams, kind: MotorKind, n_per_mm: f64, mt: i64, speed: i64) -> Squeeze {
     let (lever_m, gear) = (lever_m(kind), plant.gear_ratio);
-    let stiffness = stiffness_n_m_rad(kind, n_per_mm);
-    let object = Object {
-        from_count: plant.min_count + PLACE * (plant.max_count - plant.min_count),
-        stiffness_n_m_rad: stiffness,
-        damping_n_m_s: DAMPING_S * stiffness,
-        side: Side::Closing,
-    };
+    let from_count = plant.min_count + PLACE * (plant.max_count - plant.min_count);
+    let object = object(kind, from_count, n_per_mm);
     let mut bench = Bench::new(kind, &plant, plant.min_count, &[object]);
     for (property, value) in [
         (Property::MT, mt),

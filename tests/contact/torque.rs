@@ -2,10 +2,10 @@
 
 use tater_wire::{MotorKind, Property};
 
-use super::{Bench, KINDS, LOOK_US, UNITS};
-use hil_sim::hand::person::{DAMPING_S, N_PER_MM, stiffness_n_m_rad};
+use super::{Bench, KINDS, LOOK_US, UNITS, object};
+use hil_sim::hand::person::N_PER_MM;
 use hil_sim::plant::PlantParams;
-use hil_sim::rig::{Object, Side};
+use hil_sim::rig::Object;
 
 use crate::chart::{self, BLUE, ORANGE, Panel, Points};
 
@@ -48,9 +48,7 @@ impl Approach {
     fn obstacle(&self) -> (f64, Option<Object>) {
         let Some(n_per_mm) = self.n_per_mm else { return (self.plant.max_count + 0.5, None) };
         let from_count = f64::midpoint(self.plant.min_count, self.plant.max_count);
-        let stiffness_n_m_rad = stiffness_n_m_rad(self.kind, n_per_mm);
-        let damping_n_m_s = DAMPING_S * stiffness_n_m_rad;
-        (from_count, Some(Object { from_count, stiffness_n_m_rad, damping_n_m_s, side: Side::Closing }))
+        (from_count, Some(object(self.kind, from_count, n_per_mm)))
     }
 }
 
