@@ -387,7 +387,7 @@ impl<B: Board> Monitor<B> {
     /// One flash operation for the store, if one is due; returns whether there is nothing more to do.
     fn keep(&mut self) -> bool {
         if self.saving {
-            self.saving = match self.store.step(self.board.flash(), true) {
+            self.saving = match self.store.step_in_monitor(self.board.flash()) {
                 Progress::Done => false,
                 Progress::More | Progress::Waiting => true,
                 Progress::Failed(_) => {

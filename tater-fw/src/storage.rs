@@ -414,7 +414,13 @@ impl Store {
 
     /// Performs one flash operation, if one is due: programs a half-word, or erases a page if `may_erase` (bridge off).
     pub fn step<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Progress {
-        self.advance(flash, may_erase).unwrap_or_else(Progress::Failed)
+        self.advance(flash, may_erase, may_erase).unwrap_or_else(Progress::Failed)
+    }
+
+    /// [`Self::step`] with the bridge off, for the monitor: it erases no page ahead, so that the application finds what cannot be read, and
+    /// reports it ([`Self::is_damaged`]).
+    pub fn step_in_monitor<F: Flash>(&mut self, flash: &mut F) -> Progress {
+        self.advance(flash, true, false).unwrap_or_else(Progress::Failed)
     }
 
     /// Replays a page; returns where its contents end.
@@ -469,7 +475,12 @@ impl Store {
         }
     }
 
-    fn advance<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
+    fn advance<F: Flash>(
+        &mut self,
+        flash: &mut F,
+        may_erase: bool,
+        ahead: bool,
+    ) -> Result<Progress, FlashError> {
         if self.writing.is_some() {
             self.proceed(flash)?;
         } else if let Some(mark) = self.obsolete.take() {
@@ -490,7 +501,7 @@ impl Store {
             self.stored_counters = grown(self.stored_counters, word);
         } else if self.counters_due {
             self.counters_due = false;
-        } else if may_erase && let Some(page) = self.pages.stale() {
+        } else if ahead && let Some(page) = self.pages.stale() {
             self.pages.erase(flash, page)?;
         } else {
             return Ok(Progress::Done);

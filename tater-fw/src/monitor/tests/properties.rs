@@ -1,5 +1,6 @@
 use super::*;
 use tater_wire::Torques;
+use tater_wire::memory::STORAGE;
 
 const UNLOCK: [i32; 5] = [18384, 23, 3145, 1024, 1];
 const ROLE: u8 = 1;
@@ -294,8 +295,32 @@ fn pending_values_are_stored_before_the_application_starts() {
 fn failed_save_raises_an_error() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.worn = true;
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+    bench.set(3, SN, 99);
     bench.set(3, SAVE, -1);
     assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(8)));
+}
+
+/// A SAVE of a host that takes the hand for awake reaches the monitor too.
+#[test]
+fn save_leaves_what_cannot_be_read_to_the_application() {
+    let mut bench = Bench::strapped(3);
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+    bench.set(3, SN, 99);
+    bench.set(3, SAVE, SN.into());
+    bench.settle();
+    let first = STORAGE.start + 2;
+    assert_ne!(bench.board().chip.half_word(first), u16::MAX, "a record");
+    bench.board().chip.program(first, 0).expect("zeros are always taken");
+    let mut bench = bench.reset();
+    bench.set(3, SAVE, -1);
+    bench.settle();
+    let chip = &bench.board().chip;
+    assert!(Store::open(chip).is_damaged(chip));
 }
 
 #[test]
