@@ -60,7 +60,8 @@ enum State {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Framing {
     state: State,
-    /// Whether 0x03 is among the bytes since the last head: if the packet breaks off, it is ^C.
+    /// Whether 0x03 is among the bytes since the last head: if the packet breaks off, it is ^C. Of those that are discarded, since the last line
+    /// end: its answer is that of ^C, and a line behind it has a host that waits for another.
     has_abort: bool,
 }
 
@@ -85,6 +86,7 @@ impl Framing {
         };
         self.has_abort = match state {
             State::LineStart | State::Line | State::Head(_) => false,
+            State::Discarding if self.is_discarding() && matches!(byte, b'\r' | b'\n') => false,
             State::Identifier | State::Data(_) | State::Discarding => self.has_abort || byte == ABORT,
         };
         self.state = state;
@@ -165,6 +167,9 @@ mod tests {
             (b"\x00\x01\x02\x05", false),
             (b"\x00\x01\x03\x05\x06\x07\x00\x01", false),
             (b"\x00\x01\x09\x03\x00", true),
+            (b"\x00\x03\r", true),
+            (b"\x00\x01\x09\x03C\r", false),
+            (b"\x00\x01\x09C\r\x03", true),
         ] {
             let mut framing = Framing::default();
             bytes.iter().for_each(|&byte| _ = framing.accept(byte));

@@ -903,6 +903,8 @@ mod tests {
             (b"\x00\x03\x04", true, false, false),
             (b"\x00\x01\x04\x00", false, false, true),
             (b"\x00\x01\x04\x03", true, false, false),
+            // The host has read the prompt of ^C, and has typed a line.
+            (b"\x00\x01\x09\x03FSAVE\r", true, false, true),
         ] {
             let io = Io::default();
             (0..RX - 2).for_each(|_| io.push_rx(b'\r'));
