@@ -3,7 +3,7 @@
 
 use tater_wire::{EndCode, ModeCode, Property};
 
-use super::joint::{Contact, Errand, Joint, View};
+use super::joint::{Contact, Errand, Joint, Seen, View};
 use super::measure::Measure;
 use crate::world::plant::PlantParams;
 
@@ -179,6 +179,16 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
 }
 
 impl Contact {
+    /// What ended the motion: END, but for an order that is refused where none is under way. That one sets END, and no more (decision 0036).
+    fn follow_end(&mut self, view: &View) -> Option<()> {
+        let told = EndCode::of(view.property(Property::END)?);
+        let is_new = std::mem::replace(&mut self.told, told) != told;
+        if is_new && (told.is_none() || !view.seen.contains(&Seen::Refused)) {
+            self.end = told;
+        }
+        Some(())
+    }
+
     fn let_go(&mut self) {
         (self.held_ms, self.tstop, self.waits_ms) = (0, 0, 0);
     }
@@ -207,9 +217,10 @@ pub fn time(joint: &mut Joint, view: &View) -> Option<String> {
         return None;
     }
     let torque = view.truth.torque_n_m;
+    contact.follow_end(view)?;
     let pressing = Pressing {
         mode: view.mode()?,
-        end: EndCode::of(view.property(Property::END)?),
+        end: contact.end,
         tstop: view.property(Property::TSTOP)?,
         v: view.property(Property::VSET)?,
     };

@@ -245,6 +245,9 @@ pub struct Contact {
     pub tstop: u64,
     pub waits_ms: u64,
     pub cell: i64,
+    /// END at the last tick, and what ended the last motion.
+    pub told: Option<EndCode>,
+    pub end: Option<EndCode>,
 }
 
 /// A person's finger that the joint touches.
