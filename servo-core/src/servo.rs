@@ -859,13 +859,13 @@ impl Servo {
         }
         match self.motion {
             Motion::Idle => {
-                self.stall.rest(self.tuning.config.tstop);
+                self.rest(counted);
                 self.limiter.idle(sense.bus);
                 return IDLE;
             }
             Motion::Starting { goal, brake_ms } => {
                 if !due {
-                    self.stall.rest(self.tstop());
+                    self.rest(counted);
                     self.motion = Motion::Starting { goal, brake_ms: brake_ms.saturating_add(1) };
                     self.applied = AppliedTorque::OFF;
                     return Drive { duty: None, brake_released: true };
@@ -1236,6 +1236,13 @@ impl Servo {
     }
 
     // --- the end of a motion ---------------------------------------------------------------------------------
+
+    /// The stall time of a tick in which nothing is driven: a rotor that springs back from a stop meanwhile has left it.
+    fn rest(&mut self, counted: bool) {
+        if !(counted && self.stall.count(self.count)) {
+            self.stall.rest(self.tstop());
+        }
+    }
 
     /// Ends the motion if a condition for that is met. Returns whether it ended.
     fn check_end(&mut self, counted: bool, sense: &Sense) -> bool {

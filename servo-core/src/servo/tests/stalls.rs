@@ -183,6 +183,28 @@ fn count_or_other_direction_lets_a_stalled_motor_go_on() {
     }
 }
 
+/// A stop throws a spread back before the next motion has released its brake.
+#[test]
+fn count_without_a_drive_lets_a_stalled_motor_go_on() {
+    let close = |bench: &mut Bench| bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    for kind in KINDS {
+        for brake_releases in [false, true] {
+            let mut bench = blocked(kind);
+            close(&mut bench);
+            while bench.servo.telemetry().mode != Mode::Idle {
+                bench.tick();
+            }
+            if brake_releases {
+                close(&mut bench);
+            }
+            bench.tick_to(-1);
+            close(&mut bench);
+            let (_, after) = driven(&mut bench, 200, |_, _| ());
+            assert!(after >= 150, "{kind:?}, {brake_releases}: for {after} ms");
+        }
+    }
+}
+
 #[test]
 fn homing_right_after_a_stall_rests_and_finds_its_stop() {
     for kind in KINDS {
