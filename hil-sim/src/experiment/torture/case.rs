@@ -47,11 +47,20 @@ const REST_MS: std::ops::Range<u64> = 2_160_000..4_800_000;
 /// One seed in so many meets a person's fingers.
 const FINGERS: u32 = 4;
 
+/// One seed in so many ends with HI of a hand one of whose boards was connected wrongly, and the time from then to the host's waking it, ms.
+const WRONG_WIRINGS: u32 = 16;
+const REWIRED_MS: u64 = 500;
+
 /// MT of a motor that is to be gentle; below it, friction may hold it.
 const GENTLE_MT: std::ops::Range<i64> = 100..300;
 
-/// What has no limit if motors are to be as fast as they can.
-const FAST: [Property; 3] = [Property::MCV, Property::MV, Property::ACCEL];
+/// Highest voltage of a source, V, which half of the fast motors have: what they return is on top of it.
+const MOST_V: f64 = 28.0;
+
+/// What has no limit if motors are to be as fast as they can, and the powers of two that ACCEL has then: one that brakes softly returns the most to the
+/// bus, since its current heats no winding.
+const FAST: [Property; 2] = [Property::MCV, Property::MV];
+const FAST_ACCEL: std::ops::RangeInclusive<u32> = 7..=15;
 
 /// Motions that meet fingers, the time for each, and in which a finger comes, ms; and that for HI before them.
 const MEETING: [&str; 10] = ["C", "O", "GC", "GO", "SC", "SO", "TC", "TO", "STC", "STO"];
@@ -181,7 +190,7 @@ impl Case {
         let mut case = if is_long {
             case.with_fingers().with_hot_starts().with_rest()
         } else {
-            case.with_outsiders().with_fingers().with_bus_cuts().with_extremes()
+            case.with_outsiders().with_fingers().with_wrong_wiring().with_bus_cuts().with_extremes()
         };
         case.faults.sort_by_key(|fault| fault.from_ms);
         case
@@ -199,10 +208,14 @@ impl Case {
         let (homes, meets) = (patience(HOMES_MS), patience(MEETS_MS));
         let is_fast = !self.is_plain && rng.random();
         if is_fast {
+            if rng.random() {
+                self.world.set_volts(MOST_V);
+            }
             for property in FAST {
                 let row = property.row();
                 self.push_line(format!("1234567 S {} {}", row.name, row.max), homes);
             }
+            self.push_line(format!("1234567 S ACCEL {}", 1 << rng.random_range(FAST_ACCEL)), homes);
         } else if !self.is_plain {
             self.push_line(format!("1234567 S MT {}", rng.random_range(GENTLE_MT)), homes);
         }
@@ -215,6 +228,22 @@ impl Case {
             self.push_line((*one(&mut rng, &MEETING)).to_owned(), patience);
             self.stop_ms += MEETS_MS;
             self.faults.push(Fault { from_ms, ..Fault::draw(FaultKind::Finger, &mut rng, self.stop_ms) });
+        }
+        self
+    }
+
+    /// In one seed of [`WRONG_WIRINGS`], the program ends with HI after the hall lines of a motor were swapped, for which its board starts anew.
+    /// Drawn apart, as [`Self::with_outsiders`].
+    fn with_wrong_wiring(mut self) -> Self {
+        let mut rng = rng(self.seed, 12);
+        if rng.random_ratio(1, WRONG_WIRINGS) {
+            let (from_ms, for_ms) = (self.stop_ms, REWIRED_MS + HOMES_MS);
+            let swap = Fault::draw(FaultKind::HallSwap, &mut rng, self.stop_ms);
+            self.faults.push(Fault { from_ms, for_ms, ..swap });
+            self.stop_ms += REWIRED_MS;
+            self.push_line("RESET".to_owned(), Some(HOMES_MS));
+            self.push_line("HI".to_owned(), Some(HOMES_MS));
+            self.stop_ms += HOMES_MS;
         }
         self
     }
@@ -361,14 +390,19 @@ impl World {
         }
     }
 
+    fn set_volts(&mut self, volts: f64) {
+        self.source.0 = volts;
+        self.plants.iter_mut().for_each(|plant| plant.bus_v = volts);
+    }
+
     fn draw(seed: u64, rng: &mut Pcg64Mcg) -> Self {
         let mut world = Self::nominal();
         if rng.random() {
-            world.source = (rng.random_range(20.0..=28.0), rng.random_range(15.0..=40.0));
+            world.source = (rng.random_range(20.0..=MOST_V), rng.random_range(15.0..=40.0));
             for (motor, plant) in world.plants.iter_mut().enumerate() {
                 *plant = plant.scattered(seed.wrapping_mul(8).wrapping_add(motor as u64), 0.3);
-                plant.bus_v = world.source.0;
             }
+            world.set_volts(world.source.0);
         }
         if rng.random() {
             for rig in &mut world.rigs {

@@ -182,7 +182,7 @@ pub const REFUSALS: &[Excuse] = &[Excuse {
 }];
 
 /// Of position-is-true.
-pub const POSITION: &[Excuse] = &[UNSEEN_COUNT, HOMED_ELSEWHERE];
+pub const POSITION: &[Excuse] = &[UNSEEN_COUNT, HOMED_ELSEWHERE, JAMMED_AGAIN];
 pub(super) const UNSEEN_COUNT: Excuse = part(
     LYING_HALLS,
     "a wrong position is found out within 1 s: standing, a board cannot tell such a line from a count; a position that is named meanwhile may be off by one more",
@@ -190,4 +190,8 @@ pub(super) const UNSEEN_COUNT: Excuse = part(
 pub(super) const HOMED_ELSEWHERE: Excuse = part(
     LYING_HALLS.union(Kinds::of(&[F::Push, F::Finger])),
     "from then on a zero of HI may be elsewhere: HI takes the place where it is held for its stop",
+);
+pub(super) const JAMMED_AGAIN: Excuse = part(
+    Kinds::of(&[F::Jam, F::BrakeStuckOn]),
+    "from the second one on, which may hold HI in the place of the first, a zero may be elsewhere: HI takes a place that holds it twice for its stop",
 );

@@ -325,6 +325,9 @@ pub struct Trust {
     pub off_ms: u32,
     /// Loads or lying halls have met the motor: it may have homed at another place than its stop.
     pub hindered: bool,
+    /// Whether something jams the motor, and how often that has begun.
+    pub jammed: bool,
+    pub jams: u32,
     /// How far the rotor of the last HI may have entered its stop, counts.
     pub dent: f64,
     /// Where the rotor was when this drive began, and the direction of its torque.

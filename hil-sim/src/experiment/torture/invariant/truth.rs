@@ -3,7 +3,7 @@
 use tater_wire::{Cmd, ModeCode, Property};
 
 use super::contact::UNITS;
-use super::excuse::{HOMED_ELSEWHERE, UNSEEN_COUNT};
+use super::excuse::{HOMED_ELSEWHERE, JAMMED_AGAIN, UNSEEN_COUNT};
 use super::joint::{Joint, Seen, Trust, View};
 use crate::world::plant::PlantParams;
 
@@ -111,12 +111,20 @@ fn misplaced(plant: &PlantParams, dent: f64, view: &View) -> Option<String> {
     })
 }
 
+impl Trust {
+    fn is_jammed_again(&mut self, view: &View) -> bool {
+        let before = std::mem::replace(&mut self.jammed, JAMMED_AGAIN.is_active(view));
+        self.jams += u32::from(self.jammed && !before);
+        self.jams > 1
+    }
+}
+
 pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
     follow_dent(joint, view);
     let trust = &mut joint.truth;
     trust.follow(view);
     // A jam is found out: HI leaves the place where it has stopped, and returns to it.
-    trust.hindered |= HOMED_ELSEWHERE.is_recent(view);
+    trust.hindered |= HOMED_ELSEWHERE.is_recent(view) || trust.is_jammed_again(view);
     if !trust.hindered
         && let Some(found) = misplaced(&joint.plant, trust.dent, view)
     {
