@@ -27,8 +27,9 @@ pub(super) const ABOVE_MS: u32 = 10;
 pub(super) const ABOVE_M_N_M_S: f64 = 3.0;
 
 /// The same of an object, another finger or a person's: it slows a rotor down, and throws a spread back, for longer than halls show.
-/// tests/contact/torque.rs reaches 41 and 4.9.
-pub(super) const ABOVE_SOFT_MS: u32 = 60;
+/// tests/contact/torque.rs reaches 41 and 4.9; a spread with 25 % less resistance and 24 % more Ke that turns its fingers about a bar, 80 and 6.3
+/// (torture seed 1764303315).
+pub(super) const ABOVE_SOFT_MS: u32 = 100;
 pub(super) const ABOVE_SOFT_M_N_M_S: f64 = 7.0;
 
 /// What cogging, rounding and the ripple of the current add to a torque, N·m.
