@@ -47,10 +47,6 @@ const REST_MS: std::ops::Range<u64> = 2_160_000..4_800_000;
 /// One seed in so many meets a person's fingers.
 const FINGERS: u32 = 4;
 
-/// One seed in so many ends with HI of a hand one of whose boards was connected wrongly, and the time from then to the host's waking it, ms.
-const WRONG_WIRINGS: u32 = 16;
-const REWIRED_MS: u64 = 500;
-
 /// MT of a motor that is to be gentle; below it, friction may hold it.
 const GENTLE_MT: std::ops::Range<i64> = 100..300;
 
@@ -190,7 +186,7 @@ impl Case {
         let mut case = if is_long {
             case.with_fingers().with_hot_starts().with_rest()
         } else {
-            case.with_outsiders().with_fingers().with_wrong_wiring().with_bus_cuts().with_extremes()
+            case.with_outsiders().with_fingers().with_bus_cuts().with_extremes()
         };
         case.faults.sort_by_key(|fault| fault.from_ms);
         case
@@ -228,22 +224,6 @@ impl Case {
             self.push_line((*one(&mut rng, &MEETING)).to_owned(), patience);
             self.stop_ms += MEETS_MS;
             self.faults.push(Fault { from_ms, ..Fault::draw(FaultKind::Finger, &mut rng, self.stop_ms) });
-        }
-        self
-    }
-
-    /// In one seed of [`WRONG_WIRINGS`], the program ends with HI after the hall lines of a motor were swapped, for which its board starts anew.
-    /// Drawn apart, as [`Self::with_outsiders`].
-    fn with_wrong_wiring(mut self) -> Self {
-        let mut rng = rng(self.seed, 12);
-        if rng.random_ratio(1, WRONG_WIRINGS) {
-            let (from_ms, for_ms) = (self.stop_ms, REWIRED_MS + HOMES_MS);
-            let swap = Fault::draw(FaultKind::HallSwap, &mut rng, self.stop_ms);
-            self.faults.push(Fault { from_ms, for_ms, ..swap });
-            self.stop_ms += REWIRED_MS;
-            self.push_line("RESET".to_owned(), Some(HOMES_MS));
-            self.push_line("HI".to_owned(), Some(HOMES_MS));
-            self.stop_ms += HOMES_MS;
         }
         self
     }

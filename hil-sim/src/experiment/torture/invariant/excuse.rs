@@ -182,15 +182,7 @@ pub const REFUSALS: &[Excuse] = &[Excuse {
 }];
 
 /// Of position-is-true.
-pub const POSITION: &[Excuse] = &[
-    here(
-        Kinds::of(&[F::HallSwap]),
-        "lines in another order show another motion: six counts of it, then the direction guard or a stall ends the drive (decision 0047)",
-    ),
-    UNSEEN_COUNT,
-    HOMED_ELSEWHERE,
-    JAMMED_AGAIN,
-];
+pub const POSITION: &[Excuse] = &[UNSEEN_COUNT, HOMED_ELSEWHERE, JAMMED_AGAIN];
 pub(super) const UNSEEN_COUNT: Excuse = part(
     LYING_HALLS,
     "a wrong position is found out within 1 s: standing, a board cannot tell such a line from a count; a position that is named meanwhile may be off by one more",
