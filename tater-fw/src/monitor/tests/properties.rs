@@ -7,6 +7,12 @@ const ROLE: u8 = 1;
 const SN: u8 = 2;
 const ID: u8 = 3;
 
+fn unlock(bench: &mut Bench) {
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+}
+
 #[test]
 fn monitor_answers_six_properties_and_0_for_memory() {
     let mut bench = Bench::strapped(3);
@@ -147,9 +153,7 @@ fn out_of_range_value_is_refused_and_relocks() {
     for (property, value) in [(1, -1), (1, 32768), (2, 32768), (3, 0), (3, 32)] {
         let mut bench = Bench::strapped(3);
         let before = bench.get(3, property);
-        for number in UNLOCK {
-            bench.set(3, LOCK, number);
-        }
+        unlock(&mut bench);
         bench.set(3, property, value);
         bench.set(3, property, 2);
         assert_eq!(bench.get(3, property), before, "{property} {value}");
@@ -160,9 +164,7 @@ fn out_of_range_value_is_refused_and_relocks() {
 fn save_stores_and_load_restores() {
     let mut bench = Bench::strapped(3);
     let change = |bench: &mut Bench, property, value| {
-        for number in UNLOCK {
-            bench.set(3, LOCK, number);
-        }
+        unlock(bench);
         bench.set(3, property, value);
     };
     change(&mut bench, 2, 77);
@@ -196,9 +198,7 @@ fn save_stores_and_load_restores() {
 #[test]
 fn new_id_takes_effect_at_the_next_reset() {
     let mut bench = Bench::strapped(3);
-    for number in UNLOCK {
-        bench.set(3, LOCK, number);
-    }
+    unlock(&mut bench);
     bench.set(3, 3, 5);
     assert_eq!((bench.get(3, 3), bench.get(5, 3)), (Some(5), None));
     bench.set(3, SAVE, 3);
@@ -261,9 +261,7 @@ fn repeated_start_requests_do_not_restart_the_check() {
 #[test]
 fn pending_values_are_stored_before_a_download() {
     let mut bench = Bench::strapped(3);
-    for number in UNLOCK {
-        bench.set(3, LOCK, number);
-    }
+    unlock(&mut bench);
     bench.set(3, SN, 99);
     bench.set(3, SAVE, -1);
     bench.set(3, 0, 0xAA);
@@ -281,9 +279,7 @@ fn pending_values_are_stored_before_a_download() {
 fn pending_values_are_stored_before_the_application_starts() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.load(APPLICATION.start, &image(2000, 1));
-    for number in UNLOCK {
-        bench.set(3, LOCK, number);
-    }
+    unlock(&mut bench);
     bench.set(3, 2, 99);
     bench.set(3, SAVE, -1);
     bench.set(3, 5, 2);
@@ -295,9 +291,7 @@ fn pending_values_are_stored_before_the_application_starts() {
 fn failed_save_raises_an_error() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.worn = true;
-    for number in UNLOCK {
-        bench.set(3, LOCK, number);
-    }
+    unlock(&mut bench);
     bench.set(3, SN, 99);
     bench.set(3, SAVE, -1);
     assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(8)));
@@ -307,9 +301,7 @@ fn failed_save_raises_an_error() {
 #[test]
 fn save_leaves_what_cannot_be_read_to_the_application() {
     let mut bench = Bench::strapped(3);
-    for number in UNLOCK {
-        bench.set(3, LOCK, number);
-    }
+    unlock(&mut bench);
     bench.set(3, SN, 99);
     bench.set(3, SAVE, SN.into());
     bench.settle();
