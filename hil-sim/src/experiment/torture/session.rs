@@ -403,6 +403,14 @@ impl<'a, S: Subject> Session<'a, S> {
         true
     }
 
+    /// Reads until GOD has nothing more to say.
+    pub(super) fn wait_for_silence(&mut self) {
+        self.silent_ms = 0;
+        while self.silent_ms < QUIET_MS && self.is_whole() {
+            self.step();
+        }
+    }
+
     pub(super) fn is_at_prompt(&self) -> bool {
         self.tail.windows(PROMPTED.len()).any(|part| part == PROMPTED)
     }

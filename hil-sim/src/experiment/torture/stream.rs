@@ -1,5 +1,5 @@
 //! Whether RealTime tells its host the truth: position, velocity, and changes of position whose sum is the position (manual 6.2.3). And whether a
-//! finger is one: its tip follows its link, and goes on alone when the link stalls (docs/hand.md).
+//! finger is one: its tip follows its link, and goes on alone when the link stalls (docs/hand.md). And how long a host may leave its answers unread.
 
 use super::fault::{Subject, with_rig};
 use super::invariant::STREAMS;
@@ -46,6 +46,19 @@ const HELD_N_M: f64 = 5.0;
 /// Blocks of a link that is held: TSTOP, and 0.6 s in which its tip goes on at its share of the link's velocity: 25 counts, and what is left of its lag.
 const HELD: usize = 45;
 const ALONE_COUNTS: f64 = 22.0;
+
+/// Questions of a host that does not read: their answers are more than GOD's output holds, 1024 bytes. And as many as it sends in a ms.
+const QUESTIONS: usize = 180;
+const AT_ONCE: usize = 4;
+
+/// GOD waits for its host when it has read nothing for so long, ms.
+const WAITS_MS: u64 = 20;
+
+/// The motors go on for 250 ms then (docs/safety.md), here by a third of what the velocity makes; and have come to rest 100 ms later.
+const LOOKS_MS: u64 = 100;
+const STOPS_MS: u64 = 250;
+const ON_COUNTS: f64 = 5.0;
+const REST_COUNTS: f64 = 2.0;
 
 /// Longest time of a line, ms.
 const LINE_MS: u64 = 5_000;
@@ -117,8 +130,47 @@ pub fn stream<S: Subject>(session: &mut Session<'_, S>) {
             session.step();
         }
     }
+    leave_unread(session);
     hold_link(session);
     session.abort();
+}
+
+/// Leaves answers unread until GOD waits for its host: motors go on for as long as a host may pause, and then stop.
+fn leave_unread<S: Subject>(session: &mut Session<'_, S>) {
+    session.send(&[b'C', VELOCITY, GAIN]);
+    let (mut left, mut room, mut waits_ms) = (QUESTIONS, 0, 0);
+    let end_ms = session.ms() + LINE_MS;
+    while (left > 0 || waits_ms < WAITS_MS) && session.ms() < end_ms && session.is_whole() {
+        let asked = left.min(AT_ONCE).min(session.hand.io().rx_room());
+        session.hand.push_rx(&[b'A'; AT_ONCE][..asked]);
+        left -= asked;
+        session.step_unread();
+        let before = std::mem::replace(&mut room, session.hand.io().rx_room());
+        waits_ms = if asked == 0 && room == before { waits_ms + 1 } else { 0 };
+    }
+    let on = way_unread(session, LOOKS_MS);
+    way_unread(session, STOPS_MS);
+    let after = way_unread(session, LOOKS_MS);
+    if on < ON_COUNTS && !session.is_blocked() {
+        session.fail(
+            STREAMS,
+            1,
+            format!("its host has paused for {LOOKS_MS} ms, and it moves {on:.1} counts"),
+        );
+    } else if after.abs() > REST_COUNTS {
+        session.fail(STREAMS, 1, format!("its host does not read, and it moves on by {after:.1} counts"));
+    }
+    session.send(&[b'C', 0, GAIN]);
+    session.wait_for_silence();
+}
+
+/// The way of the link while its host does not read, counts.
+fn way_unread<S: Subject>(session: &mut Session<'_, S>, ms: u64) -> f64 {
+    let from = truth(session, LINK).0;
+    for _ in 0..ms {
+        session.step_unread();
+    }
+    truth(session, LINK).0 - from
 }
 
 /// Holds the link that is to close: its tip goes on alone.
