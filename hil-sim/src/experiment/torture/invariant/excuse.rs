@@ -193,5 +193,5 @@ pub(super) const HOMED_ELSEWHERE: Excuse = part(
 );
 pub(super) const JAMMED_AGAIN: Excuse = part(
     Kinds::of(&[F::Jam, F::BrakeStuckOn]),
-    "from the second one on, which may hold HI in the place of the first, a zero may be elsewhere: HI takes a place that holds it twice for its stop",
+    "from the second one in an HI on, which may hold it in the place of the first, a zero may be elsewhere: HI takes a place that holds it twice for its stop",
 );

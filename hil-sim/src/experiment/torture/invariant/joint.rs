@@ -325,7 +325,7 @@ pub struct Trust {
     pub off_ms: u32,
     /// Loads or lying halls have met the motor: it may have homed at another place than its stop.
     pub hindered: bool,
-    /// Whether something jams the motor, and how often that has begun.
+    /// Whether something jams the motor, and how often that has begun in this HI.
     pub jammed: bool,
     pub jams: u32,
     /// How far the rotor of the last HI may have entered its stop, counts.

@@ -92,8 +92,7 @@ fn homing_dent(joint: &Joint, view: &View) -> Option<f64> {
 /// Follows IVEL and IHIT, which another host may change while HI runs.
 fn follow_dent(joint: &mut Joint, view: &View) {
     let Some(dent) = view.orders().next().and_then(|_| homing_dent(joint, view)) else { return };
-    let homes = view.orders().any(|order| order == (Property::CMD, Cmd::Hi.into()));
-    joint.truth.dent = if homes { dent } else { joint.truth.dent.max(dent) };
+    joint.truth.dent = if begins_hi(view) { dent } else { joint.truth.dent.max(dent) };
 }
 
 /// Whether HI has named as zero what is IOFF from neither stop, and how.
@@ -111,10 +110,18 @@ fn misplaced(plant: &PlantParams, dent: f64, view: &View) -> Option<String> {
     })
 }
 
+/// The host has begun HI.
+fn begins_hi(view: &View) -> bool {
+    view.orders().any(|order| order == (Property::CMD, Cmd::Hi.into()))
+}
+
 impl Trust {
+    /// Whether a second jam has met the same HI. One that lasts since before counts.
     fn is_jammed_again(&mut self, view: &View) -> bool {
-        let before = std::mem::replace(&mut self.jammed, JAMMED_AGAIN.is_active(view));
-        self.jams += u32::from(self.jammed && !before);
+        let begins = begins_hi(view);
+        let before = self.jammed && !begins;
+        self.jammed = JAMMED_AGAIN.is_active(view);
+        self.jams = if begins { 0 } else { self.jams } + u32::from(self.jammed && !before);
         self.jams > 1
     }
 }
