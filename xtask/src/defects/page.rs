@@ -143,7 +143,7 @@ fn score(defects: &[&Defect], rows: &Rows) -> String {
         let rows = defects.iter().filter_map(|defect| rows.get(&defect.name));
         rows.filter(move |row| row.is_found() == found).filter_map(|row| row.seeds.parse::<u64>().ok())
     };
-    let share = |hits, of| format!("{hits} of {of} ({:.0} %)", Score::percent(hits, of));
+    let share = |hits, of| format!("{hits} of {of} ({:.1} %)", Score::percent(hits, of));
     format!(
         "**Torture alone finds {}** of the defects: {} that were chosen, {} that were drawn. It needs {} seeds at most; what it misses was \
          played with {} seeds or more.\nOf the {} that unit tests can reach they find {}: {} of those chosen, {} of those drawn.\n",
@@ -248,7 +248,7 @@ mod tests {
             assert!(text.lines().any(|found| found == line), "{line}\n{text}");
         }
         assert!(text.starts_with(
-            "**Torture alone finds 1 of 2 (50 %)** of the defects: 1 of 1 (100 %) that were chosen, 0 of 1 (0 %) that were drawn. \
+            "**Torture alone finds 1 of 2 (50.0 %)** of the defects: 1 of 1 (100.0 %) that were chosen, 0 of 1 (0.0 %) that were drawn. \
              It needs 7 seeds at most; what it misses was played with 300 seeds or more.\nOf the 2 that"
         ), "{text}");
         let page = with(&format!("a\n{BEGIN}old\n{END}b\n"), &text).expect("a place");
