@@ -341,7 +341,7 @@ pub const INVARIANTS: &[Invariant] = &[
     hand(MOVES, "then C and O reach their goals, and a link alone does", "manual 5.2 (C, O), 5.1.1 (X)"),
     hand(
         STREAMS,
-        "then LOOP answers each block by the true position and velocity, and by changes whose sum is the position",
+        "then LOOP answers each block by the true position and velocity, and by changes whose sum is the position; it drives on for 0.1 s for a host that does not read, and not for 0.35 s",
         "manual 6.2.3; decision 0026",
     ),
 ];
