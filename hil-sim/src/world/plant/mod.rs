@@ -20,8 +20,6 @@ use inverter::{Inverter, PERIOD_US};
 use joint::{Joint, Shaft};
 use servo_core::sense::commutation::Bridge;
 
-/// Temperature at which `r_ohm` holds, °C.
-const R_AT_C: f64 = 25.0;
 /// Interval of the heat equations and of the resistance update, µs.
 const HEAT_US: u64 = 1000;
 
@@ -359,8 +357,7 @@ impl Plant {
 }
 
 fn winding(p: &PlantParams, winding_c: f64) -> Winding {
-    let hot = (1.0 + p.r_per_k * (winding_c - R_AT_C)).max(0.1);
-    Winding::new(0.5 * p.r_ohm * hot, 0.5e-3 * p.l_mh, p.bus_v, p.diode_v)
+    Winding::new(0.5 * p.pair_ohm(winding_c), 0.5e-3 * p.l_mh, p.bus_v, p.diode_v)
 }
 
 /// The three EMFs at an electrical position in sectors of 60°, as fractions of the flat top. In sector k (k −

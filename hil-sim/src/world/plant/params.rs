@@ -5,6 +5,8 @@ use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use tater_wire::MotorKind;
 
+/// Temperature at which `r_ohm` holds, °C.
+const R_AT_C: f64 = 25.0;
 /// Shortest time constant of the winding, s: three PWM periods; 333 µs of the nominal motor.
 const MIN_ELECTRICAL_S: f64 = 150e-6;
 /// Fastest heating of the winding, by bus²/R, K/s; 24 of the nominal motor.
@@ -124,6 +126,12 @@ pub struct PlantParams {
 }
 
 impl PlantParams {
+    /// Resistance of two phases in series at a temperature of the winding, Ω.
+    #[must_use]
+    pub fn pair_ohm(&self, winding_c: f64) -> f64 {
+        self.r_ohm * (1.0 + self.r_per_k * (winding_c - R_AT_C)).max(0.1)
+    }
+
     /// The nominal plant of a kind of motor.
     #[must_use]
     pub fn for_motor(kind: MotorKind) -> Self {
