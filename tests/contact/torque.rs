@@ -50,6 +50,23 @@ impl Approach {
         let from_count = f64::midpoint(self.plant.min_count, self.plant.max_count);
         (from_count, Some(object(self.kind, from_count, n_per_mm)))
     }
+
+    /// Begins it. Returns as well where it meets what it meets, counts.
+    fn begin(&self) -> (Bench, f64) {
+        let (stop, object) = self.obstacle();
+        let mut bench = Bench::new(self.kind, &self.plant, stop - RUN_UP, object.as_slice());
+        for (property, value) in [
+            (Property::MT, self.mt),
+            (Property::MKE, self.mke),
+            (Property::HOLD, 0),
+            (Property::MCV, FULL),
+            (Property::MODE, 4),
+            (Property::V, self.speed),
+        ] {
+            bench.set(property, value);
+        }
+        (bench, stop)
+    }
 }
 
 /// What a stop or an object felt.
@@ -65,18 +82,7 @@ struct Impact {
 }
 
 fn impact(approach: &Approach) -> Impact {
-    let (stop, object) = approach.obstacle();
-    let mut bench = Bench::new(approach.kind, &approach.plant, stop - RUN_UP, object.as_slice());
-    for (property, value) in [
-        (Property::MT, approach.mt),
-        (Property::MKE, approach.mke),
-        (Property::HOLD, 0),
-        (Property::MCV, FULL),
-        (Property::MODE, 4),
-        (Property::V, approach.speed),
-    ] {
-        bench.set(property, value);
-    }
+    let (mut bench, stop) = approach.begin();
     let own = approach.own_n_m();
     let mut found = Impact::default();
     let mut contact_ms = None;
@@ -194,6 +200,52 @@ fn worst(kind: MotorKind, met: &[Option<f64>], (ms, m_n_m_s): (f64, f64)) -> (f6
         }
     }
     (longest, most)
+}
+
+/// The bound of docs/safety.md on a torque against T, ms, and the share of MT from which on it counts.
+const AGAINST_MS: f64 = 6.0;
+const AGAINST: f64 = 0.25;
+
+/// How long a rotor is looked at that its stop throws back, ms.
+const THROWN_MS: f64 = 1_000.0;
+
+/// A motor that cannot reach V is to be driven towards it all the time: a stop throws its rotor back, whose EMF is little known. An estimate that is too
+/// high would drive it on, back across the whole range (with Ke 20 % low, by 1,130 counts/s).
+#[test]
+fn rotor_that_is_thrown_back_is_not_driven_against_t() {
+    let mut longest = 0.0_f64;
+    for kind in KINDS {
+        for ke in [0.7, 0.8, 0.9, 1.0, 1.3] {
+            for mt in [100, 150, 200, 300] {
+                for n_per_mm in [None, Some(N_PER_MM), Some(3.0)] {
+                    let mut approach = Approach { n_per_mm, ..Approach::new(kind, mt, FULL) };
+                    approach.plant.ke_v_s *= ke;
+                    let ms = driven_against(&approach);
+                    assert!(ms <= AGAINST_MS, "{approach:?}: its torque is against V for {ms:.1} ms");
+                    longest = longest.max(ms);
+                }
+            }
+        }
+    }
+    println!("figure: thrown back, a motor's torque is against T for {longest:.1} ms");
+}
+
+/// The longest time for which the torque is against V after the contact, ms.
+fn driven_against(approach: &Approach) -> f64 {
+    let (mut bench, stop) = approach.begin();
+    let least = -AGAINST * approach.own_n_m();
+    let (mut longest, mut for_ms) = (0.0_f64, 0.0);
+    let mut contact_ms = None;
+    while contact_ms.is_none_or(|at| bench.ms() < at + THROWN_MS) {
+        assert!(bench.ms() < 5_000.0, "{approach:?} never meets its stop");
+        let truth = bench.look();
+        if truth.counts > stop && contact_ms.is_none() {
+            contact_ms = Some(bench.ms());
+        }
+        for_ms = if truth.torque_n_m < least { for_ms + LOOK_US as f64 * 1e-3 } else { 0.0 };
+        longest = longest.max(for_ms);
+    }
+    longest
 }
 
 #[test]

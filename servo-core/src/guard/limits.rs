@@ -28,11 +28,14 @@ const _: () = assert!(LITTLE_MA << 15 <= LEAST_DUTY * PEAK_MA);
 /// Consecutive ticks above `SHORT_MA` that are a fault. The comparator on the bridge acts within microseconds.
 const SHORT_MS: u8 = 5;
 
-/// Power that is noise, torque units²: two thirds of a step of the converter, 9.8 mA, at 24 V.
-const NOISE: i32 = 700;
+/// Power that is noise, mA·mV/256: two thirds of a step of the converter, 9.8 mA, at 24 V.
+const NOISE: i32 = 620;
 
 /// Recovery of the current limit, torque units a ms: full torque within 100 ms.
 const RECOVERY: i16 = 10;
+
+/// Least voltage against a torque at which the current is judged, torque units: noise makes a current of 22 units there.
+const LEAST_BRAKING: i32 = 32;
 
 /// Largest EMF that can be missing, torque units: at 24 V no other adds to a torque.
 const MOST_EMF: i32 = 1024;
@@ -81,7 +84,7 @@ pub struct TorqueLimiter {
     left: i16,
     /// Consecutive ticks with the current of a short circuit; `left` is then below `NO_CUT`.
     short_ms: u8,
-    /// EMF that the supply current has shown not to be there, torque units.
+    /// EMF that the supply current has shown not to be there, torque units; below 0 that of a rotor that is braked.
     missing_emf: i32,
     supply: Supply,
 }
@@ -144,18 +147,20 @@ impl TorqueLimiter {
         last: &LastTick,
     ) -> TorqueEnvelope {
         let current = Torque(self.left);
-        let mut most = mt.min(thermal).min(current);
+        let mut most = i32::from(mt.0).min(thermal.0.into()).min(self.left.into());
         let mut volts = volts(bus);
         if let Some(folded) = self.supply.fold(bus) {
-            most = most.min(folded);
+            most = most.min(folded.0.into());
             // A rotor that hits a stop at speed is estimated to run on for some ms: its EMF would be compensated.
             volts = volts.min(i32::from(folded.0));
         }
-        let most = i32::from(most.0);
-        // U·I is power, and no dead time enters it: I = mA·mV · 1024²/(24·9980·1000 · |U|) = (mA·mV · 1.148/256)/|U|, torque units.
-        let power = i32::from(last.current.0) * i32::from(bus.0);
-        let power = (power + (power >> 3)) >> 8;
-        let exceeds = power > last.applied.volts.abs() * (most + (most >> 3)) + NOISE;
+        // U·I is power, and no dead time enters it: I = mA·mV · 1024²/(24·9980·1000 · |U|) = (mA·mV · 1.148/256)/|U|, torque units. Without the
+        // 1.148 a current may be 9/8 of its limit, and 2 % more.
+        let power = (i32::from(last.current.0) * i32::from(bus.0)) >> 8;
+        // A voltage against the torque brakes: it returns current, and draws none. An eighth is allowed: both numbers are small, so that their two
+        // highest bits are equal.
+        let braking_shift = (last.applied.volts ^ i32::from(last.applied.torque.0)).cast_unsigned() >> 30;
+        let exceeds = power > last.applied.volts.abs() * (most >> braking_shift) + NOISE;
         let emf = if exceeds || self.missing_emf != 0 {
             self.without_missing(emf, power - NOISE, most, last.applied, last.counted)
         } else {
@@ -169,7 +174,7 @@ impl TorqueLimiter {
 
     /// `emf` without what the supply current of the last tick has shown not to be there: more current than the torque limit's flows only where
     /// an EMF was compensated that the rotor does not have, of a speed or a Ke that is wrong. It stays missing until a count shows that the
-    /// rotor turns.
+    /// rotor turns. The same holds for a rotor that is braked and draws current: too high an EMF drives it on, against its torque.
     #[inline(never)]
     fn without_missing(
         &mut self,
@@ -179,16 +184,28 @@ impl TorqueLimiter {
         applied: &AppliedTorque,
         counted: bool,
     ) -> i32 {
+        let power = power + (power >> 3);
         let torque = i32::from(applied.torque.0);
         let (volts, adds) = (applied.volts.abs(), (emf ^ torque) >= 0);
-        // An EMF that opposes the torque is no addition to it.
-        let over = if adds && volts > 0 { power / volts - (most + (most >> 3)) } else { -most };
-        // The current has risen to two thirds in the mean of its first tick.
-        let over = if over > 0 { over + over / 2 } else { over };
+        let brakes = volts >= LEAST_BRAKING && (applied.volts ^ torque) < 0;
+        let over = if brakes {
+            // The current that the torque lacks.
+            torque.abs() + power / volts
+        } else if adds && volts > 0 {
+            let over = power / volts - (most + (most >> 3));
+            // The current has risen to two thirds in the mean of its first tick.
+            if over > 0 { over + over / 2 } else { over }
+        } else {
+            // An EMF that opposes a greater torque is no addition to it.
+            -most
+        };
         if over > 0 || counted {
-            self.missing_emf = (self.missing_emf + over).clamp(0, MOST_EMF);
+            let before = if brakes { -self.missing_emf } else { self.missing_emf };
+            let missing = (before.max(0) + over).clamp(0, MOST_EMF);
+            self.missing_emf = if brakes { -missing } else { missing };
         }
-        if adds { emf.signum() * (emf.abs() - self.missing_emf).max(0) } else { emf }
+        let missing = if adds { self.missing_emf } else { -self.missing_emf };
+        emf.signum() * (emf.abs() - missing.max(0)).max(0)
     }
 }
 
