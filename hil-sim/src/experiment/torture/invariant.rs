@@ -196,8 +196,15 @@ pub const INVARIANTS: &[Invariant] = &[
         Check::Program(contact::torque),
     ),
     row(
+        "torque-has-its-sign",
+        "no motor's torque is against T by more than a quarter of MT for more than a few milliseconds, by the plant's torque",
+        "docs/properties.md, T; decision 0076",
+        excuse::TORQUE,
+        Check::Program(power::sign),
+    ),
+    row(
         "finger-energy",
-        "a person's finger, 30 N/mm, takes no more energy than the rotor brings to it and MT gives, in HI IHIT, and feels at most 350 N, and 450 N of a joint that is faster than the nominal motor",
+        "a person's finger, 30 N/mm, takes no more energy than the rotor brings to it and MT gives, in HI IHIT, and feels at most 420 N, and 450 N of a joint that is faster than the nominal motor",
         "docs/force.md; docs/safety.md",
         excuse::FINGER,
         Check::Program(person::energy),

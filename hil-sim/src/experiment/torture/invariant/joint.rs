@@ -179,6 +179,9 @@ pub struct Power {
     /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s, and for how many ticks the rotor has been beyond it.
     pub allowed: i64,
     pub fast_ms: u32,
+    /// T at the last tick, and for how many ticks the torque has been against it.
+    pub torque: i64,
+    pub against_ms: u32,
 }
 
 impl Default for Power {
@@ -194,6 +197,8 @@ impl Default for Power {
             erased: 0,
             allowed: 0,
             fast_ms: 0,
+            torque: 0,
+            against_ms: 0,
         }
     }
 }

@@ -11,6 +11,8 @@ pub enum Measure {
     AboveSoftMs,
     /// See `AboveSoftMs`.
     AboveSoftImpulse,
+    /// The torque is against T for so long, ms.
+    AgainstMs,
     /// What holds a driven motor is pressed for so long after TSTOP, ms.
     HeldMs,
     /// A person's finger feels so much, N, and gets so much of it in half a second, N·s.

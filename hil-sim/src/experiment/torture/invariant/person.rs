@@ -23,10 +23,11 @@ pub struct Most {
     pub newton_seconds: f64,
 }
 
-/// Of a joint that comes as fast as the nominal motor turns at 24 V: a tip's 345 N at MT 990 and 28 V, of a motor with 30 % less resistance.
-pub const SLOW: Most = Most { newton: 350.0, newton_seconds: 175.0 };
+/// Of a joint that comes as fast as the nominal motor turns at 24 V: a tip's 402 N at MT 990 and 28 V, of a motor with 30 % less resistance and 30 %
+/// more Ke.
+pub const SLOW: Most = Most { newton: 420.0, newton_seconds: 210.0 };
 
-/// Of a faster one: a spread's 425 N, of a motor whose EMF is 30 % less at 28 V.
+/// Of a faster one: a spread's 432 N, of a motor whose EMF is 30 % less at 28 V.
 pub const FAST: Most = Most { newton: 450.0, newton_seconds: 225.0 };
 
 /// The nominal motor's speed without load at 24 V (decision 0003), counts/s.

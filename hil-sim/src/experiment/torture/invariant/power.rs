@@ -5,6 +5,7 @@ use tater_wire::{FaultCode, ModeCode, MotorKind, Property};
 use super::contact::{ABOVE, RIPPLE_N_M, UNITS, strength};
 use super::excuse::{LYING_WINDING, PUSHED, UNKNOWN_EMF};
 use super::joint::{Joint, MEMORY, View};
+use super::meaning::WIRED;
 use super::measure::Measure;
 use crate::world::rig::{Bridge, Leg};
 
@@ -126,6 +127,29 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
     let torque = view.property(Property::T)?;
     (torque.abs() > limit && !is_by_duty(joint, view) && !brakes_within(joint, view, torque, limit))
         .then(|| format!("torque {torque} beyond {limit}"))
+}
+
+/// What the torque may be against T, as a share of MT, and for how long, ms. An EMF is compensated by an estimate, which a rotor that is thrown back
+/// by a stop leaves behind: its supply current shows that within a few ticks (decision 0076).
+const AGAINST: f64 = 0.25;
+pub(super) const AGAINST_MS: u32 = 6;
+
+pub fn sign(joint: &mut Joint, view: &View) -> Option<String> {
+    let (torque, mt) = (view.property(Property::T)?, view.property(Property::MT)?);
+    let truth = view.truth.torque_n_m;
+    let most = AGAINST * mt as f64 / UNITS * strength(&joint.plant) + RIPPLE_N_M;
+    // While FIND learns the wiring nobody knows the sign of a torque.
+    let is_wired = view.property(Property::FIND) == Some(WIRED);
+    // The current follows T within a tick.
+    let stays = std::mem::replace(&mut joint.power.torque, torque).signum() == torque.signum();
+    let against = view.driven() && is_wired && stays && torque as f64 * truth < 0.0 && truth.abs() > most;
+    let ms = if against { joint.power.against_ms + 1 } else { 0 };
+    joint.power.against_ms = ms;
+    joint.worst.note(Measure::AgainstMs, ms.into());
+    (ms > AGAINST_MS).then(|| {
+        let speed = view.truth.counts_per_s;
+        format!("T says {torque}, and {truth:.3} N·m drive against it for {ms} ms, at {speed:.0} counts/s")
+    })
 }
 
 pub fn duty(_: &mut Joint, view: &View) -> Option<String> {

@@ -65,6 +65,14 @@ pub const PROMISES: &[Promise] = &[
         "tests/contact/torque.rs",
     ),
     row(
+        Measure::AgainstMs,
+        "against-t-ms",
+        "the torque is against T by more than a quarter of MT for so long, ms",
+        power::AGAINST_MS as f64,
+        "torque-has-its-sign",
+        "tests/contact/torque.rs",
+    ),
+    row(
         Measure::HeldMs,
         "held-beyond-tstop-ms",
         "what holds a driven motor is pressed for so long after TSTOP, ms",
@@ -91,7 +99,7 @@ pub const PROMISES: &[Promise] = &[
     row(
         Measure::FastFingerNewton,
         "fast-finger-n",
-        "and of one that comes faster, which needs an MCV above its default, N",
+        "and of one that comes faster, by an MCV above its default or by V in mode 4, N",
         person::FAST.newton,
         "finger-energy",
         "tests/contact/force.rs",
