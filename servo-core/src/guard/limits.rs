@@ -188,7 +188,8 @@ impl TorqueLimiter {
         let torque = i32::from(applied.torque.0);
         let (volts, adds) = (applied.volts.abs(), (emf ^ torque) >= 0);
         let brakes = volts >= LEAST_BRAKING && (applied.volts ^ torque) < 0;
-        let over = if brakes {
+        let draws = brakes && (power > 0 || self.missing_emf < 0);
+        let over = if draws {
             // The current that the torque lacks.
             torque.abs() + power / volts
         } else if adds && volts > 0 {
@@ -200,9 +201,9 @@ impl TorqueLimiter {
             -most
         };
         if over > 0 || counted {
-            let before = if brakes { -self.missing_emf } else { self.missing_emf };
+            let before = if draws { -self.missing_emf } else { self.missing_emf };
             let missing = (before.max(0) + over).clamp(0, MOST_EMF);
-            self.missing_emf = if brakes { -missing } else { missing };
+            self.missing_emf = if draws { -missing } else { missing };
         }
         let missing = if adds { self.missing_emf } else { -self.missing_emf };
         emf.signum() * (emf.abs() - missing.max(0)).max(0)
@@ -587,7 +588,7 @@ mod tests {
             let _ = limits.envelope(most, FULL, emf, BUS, &turns);
             assert!(limits.missing_emf < before, "{limits:?}");
         }
-        // Braking: the EMF opposes the torque, and taking it would raise the voltage.
+        // Braking: the EMF opposes the torque, and its current has not come yet.
         let braking = limits.envelope(
             most,
             FULL,
@@ -600,6 +601,33 @@ mod tests {
             },
         );
         assert_eq!(braking.emf, 679);
+    }
+
+    /// A rotor turns at 480 units of EMF, of which the estimate makes 600: T 100 is 500 units against it, and −20 of current drive the rotor on, which
+    /// 24 V and a duty of 500/1024 draw as 95 mA.
+    #[test]
+    fn emf_that_drives_a_rotor_on_is_taken() {
+        for sign in [1, -1] {
+            let mut limits = TorqueLimiter::default();
+            let (most, emf) = (Torque(100), -600 * sign);
+            let tick = |volts: i32, current: i16| {
+                let applied =
+                    AppliedTorque { volts, torque: Torque(100 * sign as i16), ..AppliedTorque::OFF };
+                (applied, MilliAmps(current))
+            };
+            let mut next = |(applied, current): (AppliedTorque, MilliAmps)| {
+                let last = LastTick { current, applied: &applied, counted: true };
+                limits.envelope(most, FULL, emf, BUS, &last).emf * -sign
+            };
+            let taken = next(tick(-500 * sign, 95));
+            assert!((478..=483).contains(&taken), "{taken}");
+            // Now the current is that of T, and flows back.
+            let taken = next(tick(-380 * sign, -362));
+            assert!((474..=484).contains(&taken), "{taken}");
+            // It flows back harder: the EMF is there.
+            let taken = next(tick(-380 * sign, -724));
+            assert!(taken > 560, "{taken}");
+        }
     }
 
     /// At the limit, and with the noise of the converter: 9/8 and a step.
