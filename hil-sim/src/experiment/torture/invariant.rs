@@ -141,7 +141,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "bus-voltage",
-        "motors do not raise the bus above 30 V",
+        "motors do not raise the bus above 31 V",
         "decision 0053",
         excuse::BUS,
         Check::Motor(power::bus),

@@ -45,8 +45,9 @@ const TRIP_A: f64 = 0.5;
 const FULL_V: f64 = 24.0;
 const IMPACT_A: f64 = 8.0;
 
-/// Highest bus voltage, V: nothing is returned from 29 on. In 200 seeds the most was 29.1.
-const BUS_V: f64 = 30.0;
+/// Highest bus voltage, V: nothing is returned from 29 on, a tick after it is there. Six motors with little resistance that brake together on a source
+/// of 27.8 V reached 30.3 (torture seed 1764400960); nominal ones stay below 30 (tests/supply.rs).
+const BUS_V: f64 = 31.0;
 
 pub fn legs(_: &mut Joint, view: &View) -> Option<String> {
     let Bridge::On { legs, .. } = view.bridge else { return None };
