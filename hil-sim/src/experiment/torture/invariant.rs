@@ -197,7 +197,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "torque-has-its-sign",
-        "no motor's torque is against T by more than a quarter of MT for more than a few milliseconds, by the plant's torque",
+        "no rotor is driven on against T by more than a quarter of MT for more than a few milliseconds, by the plant's torque",
         "docs/properties.md, T; decision 0076",
         excuse::TORQUE,
         Check::Program(power::sign),

@@ -179,7 +179,7 @@ pub struct Power {
     /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s, and for how many ticks the rotor has been beyond it.
     pub allowed: i64,
     pub fast_ms: u32,
-    /// T at the last tick, and for how many ticks the torque has been against it.
+    /// T at the last tick, and for how many ticks the rotor has been driven on against it.
     pub torque: i64,
     pub against_ms: u32,
 }

@@ -116,13 +116,14 @@ pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
             let tstop = view.property(Property::TSTOP)?.unsigned_abs();
             let checked = tstop.min(CELLS_MS as u64);
             let least = checked - checked / 20;
-            // One that hunts about its goal gives up 2 s after TSTOP (docs/hand.md). HI has a goal that E does not say.
-            let goal = match meaning.errand {
-                Errand::Homes => view.cell,
-                _ => view.property(Property::E)? - (view.property(Property::P)? - view.cell),
+            // One that hunts about its goal, or about a set-point that creeps, gives up 2 s after TSTOP (docs/hand.md). HI has a goal that E does not say.
+            let offset = view.property(Property::P)? - view.cell;
+            let goals = match meaning.errand {
+                Errand::Homes => [view.cell; 2],
+                _ => [view.property(Property::E)? - offset, view.property(Property::DP)? - offset],
             };
-            if meaning.cells.len() == CELLS_MS && meaning.cells.iter().all(|cell| (cell - goal).abs() <= HUNT)
-            {
+            let hunts = |goal: i64| meaning.cells.iter().all(|cell| (cell - goal).abs() <= HUNT);
+            if meaning.cells.len() == CELLS_MS && goals.into_iter().any(hunts) {
                 return None;
             }
             let stood =

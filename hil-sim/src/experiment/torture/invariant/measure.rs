@@ -11,7 +11,7 @@ pub enum Measure {
     AboveSoftMs,
     /// See `AboveSoftMs`.
     AboveSoftImpulse,
-    /// The torque is against T for so long, ms.
+    /// A rotor is driven on against T for so long, ms.
     AgainstMs,
     /// What holds a driven motor is pressed for so long after TSTOP, ms.
     HeldMs,

@@ -130,7 +130,8 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
         .then(|| format!("torque {torque} beyond {limit}"))
 }
 
-/// What the torque may be against T, as a share of MT, and for how long, ms. An EMF is compensated by an estimate, which a rotor that is thrown back
+/// What may drive a rotor against T, as a share of MT, and for how long, ms. One that runs ahead of T is braked: before the board knows the direction
+/// of its motor it compensates no EMF (decision 0047). An EMF is compensated by an estimate, which a rotor that is thrown back
 /// by a stop leaves behind: its supply current shows that within a few ticks (decision 0076).
 const AGAINST: f64 = 0.25;
 pub(super) const AGAINST_MS: u32 = 6;
@@ -143,12 +144,13 @@ pub fn sign(joint: &mut Joint, view: &View) -> Option<String> {
     let is_wired = view.property(Property::FIND) == Some(WIRED);
     // The current follows T within a tick.
     let stays = std::mem::replace(&mut joint.power.torque, torque).signum() == torque.signum();
-    let against = view.driven() && is_wired && stays && torque as f64 * truth < 0.0 && truth.abs() > most;
+    let (t, speed) = (torque as f64, view.truth.counts_per_s);
+    let against = t * truth < 0.0 && t * speed < 0.0 && truth.abs() > most;
+    let against = against && view.driven() && is_wired && stays;
     let ms = if against { joint.power.against_ms + 1 } else { 0 };
     joint.power.against_ms = ms;
     joint.worst.note(Measure::AgainstMs, ms.into());
     (ms > AGAINST_MS).then(|| {
-        let speed = view.truth.counts_per_s;
         format!("T says {torque}, and {truth:.3} N·m drive against it for {ms} ms, at {speed:.0} counts/s")
     })
 }

@@ -67,7 +67,7 @@ pub const PROMISES: &[Promise] = &[
     row(
         Measure::AgainstMs,
         "against-t-ms",
-        "the torque is against T by more than a quarter of MT for so long, ms",
+        "a rotor is driven on against T by more than a quarter of MT for so long, ms",
         power::AGAINST_MS as f64,
         "torque-has-its-sign",
         "tests/contact/torque.rs",
