@@ -6,6 +6,7 @@ use tater_wire::{EndCode, ModeCode, Property};
 use super::joint::{Contact, Errand, Joint, Seen, View};
 use super::measure::Measure;
 use crate::world::plant::PlantParams;
+use crate::world::rig::Bridge;
 
 /// Torque units a N·m (decision 0003).
 pub(super) const UNITS: f64 = 1575.0;
@@ -152,7 +153,7 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
     if presses(view) {
         contact.apart_ms = 0;
         contact.is_soft |= !at_stop(&joint.plant, view.truth.counts);
-        if torque > ABOVE * own + RIPPLE_N_M {
+        if torque > ABOVE * own + RIPPLE_N_M && !is_shorted(view) {
             contact.above_ms += 1;
             contact.above_m_n_m_s += torque - own;
         }
@@ -174,9 +175,14 @@ pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
             "pressed with more than {most} of MT or IHIT for {} ms, by {:.1} mN·m·s; now with {:.0}",
             contact.above_ms,
             contact.above_m_n_m_s,
-            torque / own * most
+            torque * UNITS / strength(&joint.plant)
         )
     })
+}
+
+/// Whether duty 0 shorts the motor, which then brakes what turns it by nothing but its own EMF (docs/safety.md).
+fn is_shorted(view: &View) -> bool {
+    matches!(view.bridge, Bridge::On { duty, .. } if duty.0 == 0)
 }
 
 impl Contact {

@@ -1,5 +1,7 @@
 //! Whether properties do what the documents say, judged by the plant and the wire: HSG, LSG and BT, and what END and the measured values say.
 
+use std::collections::VecDeque;
+
 use tater_wire::{EndCode, ModeCode, MotorKind, Property};
 
 use super::contact::{RIPPLE_N_M, STILL, UNITS, presses, strength};
@@ -88,11 +90,21 @@ const REST: i64 = 1;
 /// Counts about its goal within which a motor with wild gains hunts.
 const HUNT: i64 = 20;
 
+/// And reversals within the ticks of the past by which it goes to and fro.
+const REVERSALS: usize = 4;
+
 /// Ticks of the past: of a longer TSTOP only so much is checked.
 const CELLS_MS: usize = 400;
 
 /// Time within which a motor that reports a breakaway has carried half of BT, ms.
 const LOAD_MS: u64 = 60;
+
+/// How often a rotor turns round.
+fn reversals(cells: &VecDeque<i64>) -> usize {
+    let steps: Vec<i64> = cells.iter().zip(cells.iter().skip(1)).map(|(a, b)| (a - b).signum()).collect();
+    let moves: Vec<i64> = steps.into_iter().filter(|&step| step != 0).collect();
+    moves.windows(2).filter(|pair| pair[0] != pair[1]).count()
+}
 
 pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
     let strength = strength(&joint.plant);
@@ -116,14 +128,15 @@ pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
             let tstop = view.property(Property::TSTOP)?.unsigned_abs();
             let checked = tstop.min(CELLS_MS as u64);
             let least = checked - checked / 20;
-            // One that hunts about its goal, or about a set-point that creeps, gives up 2 s after TSTOP (docs/hand.md). HI has a goal that E does not say.
-            let offset = view.property(Property::P)? - view.cell;
-            let goals = match meaning.errand {
-                Errand::Homes => [view.cell; 2],
-                _ => [view.property(Property::E)? - offset, view.property(Property::DP)? - offset],
+            // One that hunts about its goal, or to and fro about a set-point that creeps, gives up 2 s after TSTOP (docs/hand.md). HI has a goal that
+            // E does not say.
+            let goal = match meaning.errand {
+                Errand::Homes => view.cell,
+                _ => view.property(Property::E)? - (view.property(Property::P)? - view.cell),
             };
-            let hunts = |goal: i64| meaning.cells.iter().all(|cell| (cell - goal).abs() <= HUNT);
-            if meaning.cells.len() == CELLS_MS && goals.into_iter().any(hunts) {
+            let is_about = |goal: i64| meaning.cells.iter().all(|cell| (cell - goal).abs() <= HUNT);
+            let hunts = is_about(goal) || is_about(view.cell) && reversals(&meaning.cells) >= REVERSALS;
+            if meaning.cells.len() == CELLS_MS && hunts {
                 return None;
             }
             let stood =
