@@ -232,7 +232,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "values-are-true",
-        "THERM, VBUS, B, VEL and T are those of the plant, within stated errors",
+        "THERM, VBUS, B, SG, VEL and T are those of the plant, within stated errors",
         "docs/properties.md",
         excuse::VALUES,
         Check::Program(meaning::values),

@@ -155,6 +155,11 @@ pub fn end(joint: &mut Joint, view: &View) -> Option<String> {
 pub(super) const BUS_V: f64 = 1.0;
 pub(super) const THERM_C: f64 = 3.0;
 
+/// SG by the torque of the joint (docs/simulator.md): its reading without load, a N·m, and the steps by which it may be off.
+const SG_ZERO: f64 = 128.0;
+const SG_PER_N_M: f64 = 4.0;
+const SG_STEPS: f64 = 4.0;
+
 /// Ticks for which a value must be wrong: the erase of a page stops a board for 40 ms.
 const WRONG_MS: u32 = 60;
 
@@ -205,6 +210,9 @@ impl Reported {
 pub fn values(joint: &mut Joint, view: &View) -> Option<String> {
     let value = |property| view.property(property).map(|value| value as f64);
     let (therm, vbus) = (value(Property::THERM)? / 10.0, value(Property::VBUS)? / 10.0);
+    let sg = value(Property::SG)?;
+    let joint_n_m = -view.truth.load_n_m * joint.plant.gear_ratio;
+    let strain = (SG_ZERO + SG_PER_N_M * joint_n_m).clamp(0.0, 255.0);
     let (vel, t, released) = (value(Property::VEL)?, value(Property::T)?, value(Property::B)? != 0.0);
     let (c, v) = ((therm - view.truth.housing_c).abs(), (vbus - view.volts).abs());
     let reported = &mut joint.meaning.reported;
@@ -217,6 +225,8 @@ pub fn values(joint: &mut Joint, view: &View) -> Option<String> {
         Some(format!("THERM says {therm} C, the housing has {:.1}", view.truth.housing_c))
     } else if v > BUS_V {
         Some(format!("VBUS says {vbus} V, the bus has {:.1}", view.volts))
+    } else if (sg - strain).abs() > SG_STEPS {
+        Some(format!("SG says {sg}, {joint_n_m:.2} N·m at the joint are {strain:.0}"))
     } else if joint.kind == MotorKind::Spread && released != view.brake_released {
         Some(format!("B says {released}, the brake is told to release: {}", view.brake_released))
     } else if let Some((units, share)) =
