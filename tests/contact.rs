@@ -1,6 +1,8 @@
 //! The true torque and force of a motor that meets a stop, an object or a person's finger, by the plant alone (docs/safety.md, docs/force.md):
 //! MT bounds the torque whatever the speed and the motor's constants are, and TSTOP its time.
 
+use std::fmt::Debug;
+
 use hil_sim::board::SimBoard;
 use hil_sim::hand::person::{DAMPING_S, stiffness_n_m_rad};
 use hil_sim::node::Node;
@@ -72,6 +74,26 @@ impl Bench {
         self.now_us += LOOK_US;
         self.node.advance(self.now_us);
         self.node.board().rig().truth()
+    }
+
+    /// Shows `see` the plant, and the time since the rotor has first passed `stop`, ms, until that is `watched_ms`; `what` is for the panic of one
+    /// that does not pass it within `within_ms`.
+    fn watch(
+        &mut self,
+        what: &dyn Debug,
+        stop: f64,
+        [within_ms, watched_ms]: [f64; 2],
+        mut see: impl FnMut(Truth, Option<f64>),
+    ) {
+        let mut contact_ms = None;
+        while contact_ms.is_none_or(|at| self.ms() < at + watched_ms) {
+            assert!(self.ms() < within_ms, "{what:?} never meets its stop");
+            let truth = self.look();
+            if truth.counts > stop && contact_ms.is_none() {
+                contact_ms = Some(self.ms());
+            }
+            see(truth, contact_ms.map(|at| self.ms() - at));
+        }
     }
 
     fn ms(&self) -> f64 {

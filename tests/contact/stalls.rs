@@ -19,18 +19,12 @@ fn pressed(kind: MotorKind, settings: &[(Property, i64)]) -> (f64, f64) {
         bench.set(property, value);
     }
     let (mut ms, mut last) = (0.0, 0.0);
-    let mut contact_ms = None;
-    while contact_ms.is_none_or(|at| bench.ms() < at + WATCHED_MS) {
-        assert!(bench.ms() < 20_000.0, "{kind:?} {settings:?} never meets its stop");
-        let truth = bench.look();
-        if truth.counts > stop && contact_ms.is_none() {
-            contact_ms = Some(bench.ms());
-        }
-        if contact_ms.is_some() && truth.counts_per_s.abs() < 1.0 && truth.torque_n_m > 0.05 {
+    bench.watch(&(kind, settings), stop, [20_000.0, WATCHED_MS], |truth, since_ms| {
+        if since_ms.is_some() && truth.counts_per_s.abs() < 1.0 && truth.torque_n_m > 0.05 {
             ms += 0.1;
             last = truth.torque_n_m * UNITS;
         }
-    }
+    });
     (ms, last)
 }
 
