@@ -161,7 +161,7 @@ fn variations() -> Vec<Variation> {
 
 /// A motor with such a plant, and halls misplaced by up to 5 degrees, at rest 60 counts from its open stop.
 fn varied_joint(kind: MotorKind, plant: &PlantParams, seed: u64) -> Node {
-    let motor = hil_sim::scenario::motor_name(kind);
+    let motor = kind.name();
     let count = plant.min_count as i32 + 60;
     let PlantParams { worm_lead_deg, worm_friction, backlash_counts, gear_rad_n_m, .. } = plant;
     let PlantParams { stop_stiffness_n_m_rad, stop_damping_n_m_s, .. } = plant;

@@ -1,11 +1,12 @@
 //! Unknown motors: the move of `excite` over the bus, and what `identify` makes of it, against the plants' parameters.
 
 use hil_sim::board::SimBoard;
-use hil_sim::excite::{Link, Simulated, csv, excite};
+use hil_sim::excite::{Link, csv, excite};
 use hil_sim::identify::{Estimate, Recording, WORKING_SPEED, identify};
 use hil_sim::node::Node;
 use hil_sim::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
 use hil_sim::rig::{Rig, RigParams};
+use hil_sim::simulated::Simulated;
 use hil_sim::{Model, MotorKind, node_of};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;

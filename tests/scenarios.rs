@@ -77,7 +77,7 @@ fn the_trace_and_the_report_show_the_run() {
     let position = trace.column("position_counts");
     let peak = position.iter().copied().fold(f64::MIN, f64::max);
     assert_eq!(outcome.metrics.overshoot_counts, Some((peak - 166.0).max(0.0)));
-    let html = hil_sim::report::html(&scenario, &outcome);
+    let html = hil_sim::page::html(&scenario, &outcome);
     assert_eq!(html.matches("<svg viewBox=\"0 0 1060 ").count(), 7, "static charts");
     for outside in ["http:", "https:", "src=", "<link", "@import", "NaN", "inf\""] {
         assert!(!html.contains(outside), "{outside} in a page that must stand alone");

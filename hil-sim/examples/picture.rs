@@ -2,7 +2,7 @@
 //! `cargo run --release -p hil-sim --example picture -- spread-full-travel Position Velocity > docs/spread-full-travel.svg`
 
 use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options, report, run};
+use hil_sim::{Model, Options, page, run};
 
 fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
     let from = text.find(start)? + start.len();
@@ -12,7 +12,7 @@ fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
 fn picture(name: &str, charts: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     let scenario = Scenario::find(name)?;
     let outcome = run(&scenario, &Options { seed: 1, model: Model::Averaged, trace: true })?;
-    let page = report::html(&scenario, &outcome);
+    let page = page::html(&scenario, &outcome);
     let style = between(&page, "<style>", "</style>").ok_or("the report has no style")?;
     let (mut body, mut y) = (String::new(), 0.0);
     for chart in charts {

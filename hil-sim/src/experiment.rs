@@ -2,6 +2,7 @@
 //!
 //! Imports `world`, never `ports`. Reads no clock; the files it reads are its inputs (scenarios, scenes, captures).
 
+pub mod charts;
 pub mod events;
 pub mod grasp;
 pub mod input;

@@ -9,9 +9,9 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`slcan`], and the private `adapter`, `apply`, `bode`, `compare`, `convert`, `excite`, `export`, `figures`, `gcl`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `sweep_report`, `table`, `thread`, `torture`, `tune`, `tune_report`, `undo`, `worker` |
+//! | ports | [`cli`], [`page`], [`simulated`], [`slcan`], and the private `adapter`, `apply`, `bode`, `compare`, `convert`, `excite`, `export`, `figures`, `gcl`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `sweep_report`, `table`, `thread`, `torture`, `tune`, `tune_report`, `undo`, `worker` |
 //! | tuning | [`apply`], [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], [`tuned`], and the private `bode`, `compare`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
-//! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
+//! | experiment | [`charts`], [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
 
@@ -22,10 +22,10 @@ mod world;
 
 pub use experiment::run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
 pub use experiment::{
-    events, grasp, input, metrics, over_can, picture, properties, replay, report, scenario, torture, trace,
-    typist,
+    charts, events, grasp, input, metrics, over_can, picture, properties, replay, report, scenario, torture,
+    trace, typist,
 };
-pub use ports::{cli, slcan};
+pub use ports::{cli, page, simulated, slcan};
 pub use tater_fw::{SetError, motion::defaults};
 pub use tater_wire::MotorKind;
 pub use tuning::{apply, excite, identify, parquet, sweep, table, tune, tuned};

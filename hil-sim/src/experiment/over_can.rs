@@ -16,7 +16,7 @@ use tater_wire::{Destination, Message, Node as Id, Property};
 
 use crate::experiment::metrics::{Metric, Metrics, Window};
 use crate::experiment::run::{MotorRun, Options, Outcome, rig, unexpected_refusals};
-use crate::experiment::scenario::{Case, Scenario, Verdict, motor_name};
+use crate::experiment::scenario::{Case, Scenario, Verdict};
 use crate::world::bus::{Adapter, Bus};
 use crate::world::hand::Motorized;
 use crate::world::node::Node;
@@ -328,7 +328,7 @@ pub fn judge(
         if judged.len() > 1 {
             for verdict in &mut verdicts {
                 verdict.name =
-                    format!("{} (node {}): {}", motor_name(ran.run.motor), ran.node.number(), verdict.name);
+                    format!("{} (node {}): {}", ran.run.motor.name(), ran.node.number(), verdict.name);
             }
         }
         expectations.extend(verdicts);

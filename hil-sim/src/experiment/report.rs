@@ -1,14 +1,4 @@
-//! Reports of a run for people and programs: text, JSON, and an HTML page with charts.
-
-mod alarms;
-mod chart;
-mod page;
-mod sheet;
-
-pub use alarms::{Alarm, trade_off};
-pub use chart::{Across, Chart, Column, Explore, Field, Kind, Level, Mark, Marked, Series, escape};
-pub use page::{Plot, html, plots};
-pub use sheet::Sheet;
+//! Reports of a run for people and programs: text and JSON.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +7,7 @@ use serde::Serialize;
 use crate::experiment::metrics::{METRICS, Value, end_word, fault_word};
 use crate::experiment::properties::PROPERTIES;
 use crate::experiment::run::{Options, Outcome, node_of};
-use crate::experiment::scenario::{Scenario, motor_name};
+use crate::experiment::scenario::Scenario;
 use crate::world::plant::Model;
 
 /// The inverter model's name, as on the command line.
@@ -77,7 +67,7 @@ pub fn stored(scenario: &Scenario, outcome: &Outcome, commit: &str) -> serde_jso
         let metrics =
             METRICS.iter().map(|metric| (metric.name.to_owned(), json_value(&(metric.get)(&run.metrics))));
         serde_json::json!({
-            "motor": motor_name(case.motor),
+            "motor": case.motor.name(),
             "node": node_of(case.motor),
             "properties": properties.collect::<serde_json::Map<_, _>>(),
             "metrics": metrics.collect::<serde_json::Map<_, _>>(),

@@ -11,7 +11,7 @@ use tater_wire::{Cmd, Destination, Message, MotorKind, Property};
 use crate::experiment::events::{self, motor_text, of_board};
 use crate::experiment::metrics::{Meters, Metrics, Value, Window};
 use crate::experiment::properties::PROPERTIES;
-use crate::experiment::scenario::{Action, Case, Order, Scenario, Verdict, motor_name};
+use crate::experiment::scenario::{Action, Case, Order, Scenario, Verdict};
 use crate::experiment::trace::Trace;
 use crate::world::board::SimBoard;
 use crate::world::node::{Node, Sample};
@@ -91,7 +91,7 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError
         verdicts.extend(unexpected_refusals(scenario, &run.metrics));
         if scenario.cases.len() > 1 {
             for verdict in &mut verdicts {
-                verdict.name = format!("{}: {}", motor_name(case.motor), verdict.name);
+                verdict.name = format!("{}: {}", case.motor.name(), verdict.name);
             }
         }
         expectations.extend(verdicts);

@@ -294,13 +294,3 @@ impl std::fmt::Display for Want {
         }
     }
 }
-
-/// The name of a kind of motor.
-#[must_use]
-pub fn motor_name(kind: MotorKind) -> &'static str {
-    match kind {
-        MotorKind::Link => "link",
-        MotorKind::Spread => "spread",
-        MotorKind::Tip => "tip",
-    }
-}

@@ -14,7 +14,6 @@ use super::interrupt;
 use super::output::{print, warn};
 use super::undo::{Adapter, Kept, Undo, path_of};
 use crate::experiment::input::BadInput;
-use crate::experiment::scenario::motor_name;
 use crate::tuning::apply::{Board, Broken, Present, State, compare, meet, write};
 use crate::tuning::excite::{Failure, Link};
 use crate::tuning::tuned::{Motor, Tuned};
@@ -267,7 +266,7 @@ fn motor_of<'a>(args: &ApplyArgs, tuned: &'a Tuned, present: &Present) -> Result
     found.ok_or_else(|| BadInput {
         place: args.file.display().to_string(),
         problem: format!("has no values for node {}", present.node.number()),
-        found: format!("its motor is a {} (KIND)", motor_name(present.kind)),
+        found: format!("its motor is a {} (KIND)", present.kind.name()),
         expected: tuned.motors.iter().map(|motor| motor.motor.as_str()).collect::<Vec<_>>().join(", "),
         next: "name boards with such a motor (--node), or tune this kind".to_owned(),
     })
@@ -287,7 +286,7 @@ impl Told<'_> {
         }
         let mut text = String::new();
         for Board { present, changes, .. } in self.boards {
-            text.push_str(&format!("node {}, {}\n", present.node.number(), motor_name(present.kind)));
+            text.push_str(&format!("node {}, {}\n", present.node.number(), present.kind.name()));
             for change in changes {
                 let name = change.property.row().name;
                 let (old, new) = (change.old, change.new);
@@ -361,7 +360,7 @@ impl Told<'_> {
                 .collect();
             json!({
                 "node": present.node.number(),
-                "motor": motor_name(present.kind),
+                "motor": present.kind.name(),
                 "serial": present.serial,
                 "changes": changes,
                 "state": state(index).name(),

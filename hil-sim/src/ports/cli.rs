@@ -24,6 +24,7 @@ use super::interrupt;
 use super::log::{self, LogArgs};
 use super::margins::{self, MarginsArgs};
 use super::output::{COMMIT, is_same_file, print, replace_file, warn, write_folder};
+use super::page;
 use super::serve::{self, BusArgs, HandArgs};
 use super::sweep::{self, MergeArgs, SweepArgs};
 use super::thread;
@@ -306,7 +307,7 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
     let mut csv = Vec::new();
     write_csv(&mut csv, &traces).expect("memory takes any bytes");
     let json = format!("{:#}\n", report::stored(scenario, outcome, COMMIT));
-    let html = report::html(scenario, outcome);
+    let html = page::html(scenario, outcome);
     write_folder(dir, &[("trace.csv", &csv), ("run.json", json.as_bytes()), ("report.html", html.as_bytes())])
 }
 

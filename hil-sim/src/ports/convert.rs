@@ -4,10 +4,14 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use tater_wire::property::ROWS;
+
 use super::output::{is_same_file, replace_file};
 use crate::experiment::input::BadInput;
+use crate::experiment::trace::COLUMNS;
+use crate::tuning::names::{MOTOR, UNTRUSTED};
 use crate::tuning::table::{Heading, Sink, Source, TableError};
-use crate::tuning::{csv, mcap, parquet, traces};
+use crate::tuning::{csv, mcap, names, parquet};
 
 /// The arguments of `hil-sim convert`.
 #[derive(clap::Args)]
@@ -99,6 +103,12 @@ impl Write for Pending {
     }
 }
 
+/// Names of the columns of a run, and of what a board says of its properties.
+fn known() -> Vec<&'static str> {
+    let properties = ROWS.iter().map(|row| row.name);
+    COLUMNS.iter().map(|column| column.name).chain([MOTOR, UNTRUSTED]).chain(properties).collect()
+}
+
 /// Opens a trace.
 ///
 /// # Errors
@@ -111,7 +121,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>, BadInput> {
             Format::Mcap => Box::new(mcap::Reader::new(bytes)?),
             Format::Parquet => Box::new(parquet::Reader::new(bytes)?),
         };
-        traces::check(source.heading())?;
+        names::check(source.heading(), &known())?;
         Ok(source)
     });
     source.map_err(|error| bad(path, error))
@@ -215,5 +225,16 @@ mod tests {
             };
             assert_eq!(end(10), end(100_000));
         }
+    }
+
+    #[test]
+    fn every_quantity_of_a_trace_has_a_unit() {
+        let without: Vec<&str> =
+            COLUMNS.iter().map(|column| column.name).filter(|name| names::unit(name).is_empty()).collect();
+        assert_eq!(without, ["mode", "halls_code", "strain", "bridge_on", "brake_released"]);
+        assert_eq!(
+            (names::unit("velocity_counts_s"), names::unit("phase_a_a"), names::unit("load_n_m")),
+            ("counts/s", "A", "N·m")
+        );
     }
 }

@@ -12,9 +12,10 @@ use super::figures::Figures;
 use super::identify::MotorName;
 use super::interrupt;
 use super::output::{check_file, print, warn};
+use super::simulated::Simulated;
 use crate::experiment::input::BadInput;
 use crate::experiment::run::node_of;
-use crate::tuning::excite::{Failure, Link, Simulated, csv, excite as run};
+use crate::tuning::excite::{Failure, Link, csv, excite as run};
 use crate::world::board::SimBoard;
 use crate::world::node::Node;
 

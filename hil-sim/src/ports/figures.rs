@@ -5,7 +5,7 @@ use tater_wire::MotorKind;
 use super::output::quoted;
 use crate::experiment::input::BadInput;
 use crate::experiment::run::{Options, rig};
-use crate::experiment::scenario::{Scenario, motor_name};
+use crate::experiment::scenario::Scenario;
 use crate::world::plant::{Model, ParamError};
 use crate::world::rig::Rig;
 
@@ -45,7 +45,7 @@ impl Figures {
     /// # Errors
     /// Those of [`Scenario::override_figures`].
     pub fn motor(&self, kind: MotorKind, position_counts: f64, seed: u64) -> Result<Rig, BadInput> {
-        let name = motor_name(kind);
+        let name = kind.name();
         let text = format!(
             "name = 'motor'\nabout = 'a motor at rest'\nmotor = '{name}'\nduration_ms = 1\ninitial = {{ position_counts = {position_counts:.1} }}\n"
         );

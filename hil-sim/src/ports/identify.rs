@@ -10,8 +10,8 @@ use serde_json::{Map, Value, json};
 use tater_wire::MotorKind;
 
 use super::output::{print, warn, write_folder};
+use crate::experiment::charts::{Chart, Series, Sheet, escape};
 use crate::experiment::input::BadInput;
-use crate::experiment::report::{Plot, plots};
 use crate::tuning::identify::{Estimate, Identified, Recording, identify as fit};
 
 /// Largest trace: 20 minutes at a row a millisecond.
@@ -174,6 +174,38 @@ fn object(found: &Identified) -> Value {
     object.insert("record".to_owned(), json!(found.missing));
     object.insert("remarks".to_owned(), json!(found.remarks));
     Value::Object(object)
+}
+
+/// One curve over time.
+struct Plot {
+    /// What it shows.
+    title: &'static str,
+    /// Its unit.
+    unit: &'static str,
+    /// Least span of the axis.
+    least_span: f64,
+    /// Times, ms.
+    times: Vec<f64>,
+    /// Values.
+    values: Vec<f64>,
+}
+
+/// A page with a table and curves. `head` and the `rows` are plain text; the first column is on the left.
+fn plots(name: &str, about: &str, head: &[&str], rows: &[Vec<String>], plots: &[Plot]) -> String {
+    let mut sheet = Sheet::new(name);
+    sheet.push(&format!("<header><h1>{}</h1>\n<p>{}</p></header>\n", escape(name), escape(about)));
+    sheet.table(head, rows, usize::MAX);
+    sheet.push("<h2>Residuals</h2>\n");
+    sheet.help();
+    for plot in plots {
+        let (x, y) = (sheet.column(plot.times.clone(), None), sheet.column(plot.values.clone(), Some(5)));
+        let mut chart = Chart::new(plot.title, plot.unit, "ms");
+        chart.series.push(Series::line(plot.title, "c1", x, y));
+        (chart.height, chart.least_span) = (220.0, plot.least_span);
+        chart.x.group = Some("time".to_owned());
+        sheet.chart(&chart);
+    }
+    sheet.finish()
 }
 
 fn write_page(dir: &Path, file: &str, found: &Identified) -> Result<(), BadInput> {

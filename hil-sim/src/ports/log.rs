@@ -17,8 +17,8 @@ use super::convert::{self, Format, Pending};
 use super::interrupt;
 use super::output::{check_file, warn};
 use crate::experiment::input::BadInput;
+use crate::tuning::names::{RECORDED_BY, TIME, UNTRUSTED, unit};
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
-use crate::tuning::traces::{RECORDED_BY, TIME, UNTRUSTED, unit};
 
 /// Time limit of an answer: a board that erases a page (40 ms) answers after it.
 const ANSWER: Duration = Duration::from_millis(100);

@@ -15,7 +15,7 @@ use super::tune_report::{self, Drawn};
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
 use crate::experiment::properties::{self, Property};
-use crate::experiment::scenario::{SHIPPED, Scenario, motor_name};
+use crate::experiment::scenario::{SHIPPED, Scenario};
 use crate::tuning::bode;
 use crate::tuning::tune::{
     self, Axis, Broken, Candidate, Ensemble, Envelope, Found, Goal, Judged, LEAST_EDGE, LEAST_PHASE_DEG,
@@ -331,7 +331,7 @@ fn drawable(ensemble: &Ensemble, (first, plants): (u64, u64)) -> Result<(), BadI
         .find_map(|seed| ensemble.plant(base, seed).validate().err().map(|error| (seed, error)));
     let Some((seed, error)) = wrong else { return Ok(()) };
     Err(BadInput {
-        place: format!("the {}, plant {seed}", motor_name(ensemble.motor)),
+        place: format!("the {}, plant {seed}", ensemble.motor.name()),
         problem: format!("{} is out of range", error.field),
         found: error.found.to_string(),
         expected: error.expected,
@@ -401,7 +401,7 @@ fn unknown(name: &str) -> BadInput {
 /// The start breaks a limit, and so does every candidate.
 fn hopeless(kind: MotorKind, broken: &Broken) -> BadInput {
     BadInput {
-        place: format!("--motor {}", motor_name(kind)),
+        place: format!("--motor {}", kind.name()),
         problem: "no candidate keeps the limits on all plants".to_owned(),
         found: format!("{} on plant {}: {}", broken.objective, broken.seed, broken.what),
         expected: "gains without a broken limit".to_owned(),
@@ -457,7 +457,7 @@ fn reproduce(args: &TuneArgs, kind: MotorKind, candidates: usize) -> String {
     let objective = args.objective.to_possible_value();
     let mut line = format!(
         "hil-sim tune --motor {} --objective {} --robust {} --candidates {candidates} --unseen {} --seed {}",
-        motor_name(kind),
+        kind.name(),
         objective.as_ref().map_or("", |value| value.get_name()),
         args.robust,
         args.unseen,
@@ -508,7 +508,7 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
         .map(|broken| json!({ "objective": broken.objective.name(), "seed": broken.seed, "what": broken.what }))
         .collect();
     let mut object = json!({
-        "motor": motor_name(found.motor),
+        "motor": found.motor.name(),
         "passed": tuned.passed(),
         "properties": values_json(axes, &found.tuned.values),
         "start": values_json(axes, &found.start.values),
@@ -616,7 +616,7 @@ fn text(all: &[Tuned], reproduce: &str) -> String {
     let mut text = String::new();
     for tuned in all {
         let Tuned { found, axes, goals, unseen: [start, result], plants, .. } = tuned;
-        text.push_str(&format!("{}\n", motor_name(found.motor)));
+        text.push_str(&format!("{}\n", found.motor.name()));
         for (axis, (before, after)) in axes.iter().zip(found.start.values.iter().zip(&found.tuned.values)) {
             text.push_str(&format!("  {:<6} {before:>6} -> {after}\n", axis.property.name));
         }
@@ -715,7 +715,7 @@ fn trade_offs_text(all: &[TradeOff]) -> String {
 
 fn refusals(tuned: &Tuned) {
     for margins in tuned.found.margins.iter().filter(|margins| !margins.suffice()) {
-        let motor = motor_name(tuned.found.motor);
+        let motor = tuned.found.motor.name();
         warn(&format!(
             "refused: {motor}, the {} loop on plant {} has Ms {:.2}, phase margin {:?} deg; half of the gains found do not suffice either",
             margins.of.name(),
@@ -725,10 +725,10 @@ fn refusals(tuned: &Tuned) {
         ));
     }
     for lost in &tuned.found.lost {
-        warn(&format!("refused: {}, the shipped scenario {lost}", motor_name(tuned.found.motor)));
+        warn(&format!("refused: {}, the shipped scenario {lost}", tuned.found.motor.name()));
     }
     let Some(broken) = tuned.unseen[1].broken.first() else { return };
-    let motor = motor_name(tuned.found.motor);
+    let motor = tuned.found.motor.name();
     let more = tuned.unseen[1].broken.len() - 1;
     warn(&format!(
         "refused: {motor}, {} on plant {}: {}, and {more} more of {} unseen plants",
@@ -743,7 +743,7 @@ fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
         let found = found.map(|(axis, value)| (axis.property.name, *value));
         let values: Vec<(&str, i64)> = tuned.kept.iter().copied().chain(found).collect();
         for goal in &tuned.goals {
-            let name = format!("{}-{}.toml", goal.objective, motor_name(tuned.found.motor));
+            let name = format!("{}-{}.toml", goal.objective, tuned.found.motor.name());
             files.push((name, goal.text_with(&values)));
         }
     }

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::experiment::report::{Alarm, Chart, Explore, Field, Marked, Series, Sheet, escape, trade_off};
+use crate::experiment::charts::{Alarm, Chart, Explore, Field, Marked, Series, Sheet, escape, trade_off};
 use crate::tuning::bode::page;
 use crate::tuning::tune::{
     Axis, Bands, Candidate, Envelope, Found, Goal, LEAST_PHASE_DEG, MOST_MS, Point, Term,

@@ -12,7 +12,6 @@ use tater_wire::{Node as Id, Property};
 
 use super::output::replace_file;
 use crate::experiment::input::{self, BadInput};
-use crate::experiment::scenario::motor_name;
 use crate::tuning::apply::{Board, Present};
 
 const FORMAT: u64 = 1;
@@ -176,7 +175,7 @@ impl Undo {
             let place = match self.boards.iter().position(|kept| kept.node == node) {
                 Some(place) => place,
                 None => {
-                    let motor = motor_name(present.kind).to_owned();
+                    let motor = present.kind.name().to_owned();
                     self.boards.push(Kept {
                         node,
                         motor,

@@ -12,7 +12,6 @@ use tater_wire::property::{Access, Stored};
 use tater_wire::{Destination, FaultCode, Message, MotorKind, Node as Id, Property};
 
 use super::excite::{Failure, Link};
-use crate::experiment::scenario::motor_name;
 
 /// Time limit of an answer, µs: a board that erases a page (40 ms) answers after it.
 const ANSWER_US: u64 = 100_000;
@@ -379,7 +378,7 @@ fn store_all(
             "node {}: {} values of its {} go into its flash",
             present.node.number(),
             changes.len(),
-            motor_name(present.kind)
+            present.kind.name()
         ));
         *state = State::Unknown { may_be_stored: true };
         store(link, board, |change| change.new)?;
@@ -537,6 +536,3 @@ fn refused<T>(node: Id, property: Property, value: i64, found: i64, after: &str)
         "read ERROR and look it up in docs/properties.md; an application of another version may have another range",
     )
 }
-
-#[cfg(test)]
-mod tests;

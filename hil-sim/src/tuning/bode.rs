@@ -22,7 +22,7 @@ use super::multisine::{Estimate, Multisine, Record};
 use crate::experiment::events::motor_text;
 use crate::experiment::input::BadInput;
 use crate::experiment::run::{Options, board, set};
-use crate::experiment::scenario::{Case, Scenario, motor_name};
+use crate::experiment::scenario::{Case, Scenario};
 use crate::world::node::{Node, Sample};
 use crate::world::plant::Model;
 
@@ -119,7 +119,7 @@ impl Loop {
 /// # Errors
 /// None for the three kinds.
 pub fn scenario(motor: MotorKind) -> Result<Scenario, BadInput> {
-    let motor = motor_name(motor);
+    let motor = motor.name();
     let text = format!("name = 'bode'\nabout = 'A loop is measured.'\nmotor = '{motor}'\nduration_ms = 1\n");
     let scenario = Scenario::parse("bode", &text)?;
     Ok(Scenario { arguments: format!("bode --motor {motor}"), ..scenario })

@@ -5,11 +5,11 @@
 
 use serde_json::{Value, json};
 
+use super::names::{MOTOR, TIME};
 use super::table::{Cell, Source, TableError};
-use super::traces::{MOTOR, TIME};
+use crate::experiment::charts::{Chart, Column, Series, Sheet, escape};
 use crate::experiment::metrics::METRICS;
 use crate::experiment::properties::PROPERTIES;
-use crate::experiment::report::{Chart, Column, Series, Sheet, escape};
 
 /// Most inputs: as many as there are colors.
 pub const MOST: usize = 8;

@@ -6,8 +6,8 @@
 
 use std::io::Write;
 
+use super::names::{RECORDED_BY, unit};
 use super::table::{Cell, Column, Heading, Kind, Sink, Source, TableError, check, text};
-use super::traces::{RECORDED_BY, unit};
 
 /// Writes a trace as CSV.
 pub struct Writer<W: Write> {

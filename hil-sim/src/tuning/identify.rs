@@ -14,10 +14,11 @@ use electric::{Bench, Drawn, Electric};
 use linear::Solution;
 use mechanic::Mechanic;
 use path::{Edge, Point};
+pub use record::Recording;
 use record::Row;
-pub use record::{Recording, UNIT_V};
 
 use crate::experiment::properties::PropertyError;
+use crate::tuning::names::UNIT_V;
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 use tater_wire::{MotorKind, Property};
 

@@ -14,8 +14,8 @@ use mcap::{McapError, MessageStream, Summary, WriteOptions};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::names::{MOTOR, TIME};
 use super::table::{Cell, Column, Heading, Kind, Sink, Source, TableError, check, text};
-use super::traces::{MOTOR, TIME};
 
 const TRACE: &str = "trace";
 const COLUMNS: &str = "columns";

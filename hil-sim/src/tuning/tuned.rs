@@ -11,7 +11,6 @@ use tater_wire::{MotorKind, Property};
 
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::properties::{self, PROPERTIES, PropertyError};
-use crate::experiment::scenario::motor_name;
 
 /// Version of the file; another meaning of a key is another version.
 pub const FORMAT: u64 = 1;
@@ -64,7 +63,7 @@ impl Motor {
     /// The kind of motor; `None` if the name is none.
     #[must_use]
     pub fn kind(&self) -> Option<MotorKind> {
-        KINDS.into_iter().find(|kind| motor_name(*kind) == self.motor)
+        KINDS.into_iter().find(|kind| kind.name() == self.motor)
     }
 
     /// The properties with their values, in the order of the names.
@@ -136,7 +135,7 @@ impl Tuned {
         for (index, motor) in self.motors.iter().enumerate() {
             let name = input::shorten(&motor.motor);
             if motor.kind().is_none() {
-                let known = KINDS.map(motor_name);
+                let known = KINDS.map(MotorKind::name);
                 let next = input::did_you_mean(&name, known.into_iter()).unwrap_or_default();
                 let next = if next.is_empty() { "use one of those".to_owned() } else { next };
                 return Err(bad(

@@ -80,6 +80,16 @@ impl MotorKind {
         }
     }
 
+    /// Its name in files and on command lines.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Link => "link",
+            Self::Spread => "spread",
+            Self::Tip => "tip",
+        }
+    }
+
     /// The kind of a value of KIND.
     #[must_use]
     pub const fn from_code(code: i64) -> Option<Self> {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use hil_sim::input::BadInput;
-use hil_sim::scenario::{SHIPPED, Scenario, motor_name};
+use hil_sim::scenario::{SHIPPED, Scenario};
 use hil_sim::trace::{COLUMNS, Trace};
 use hil_sim::{Model, Options, Outcome, report};
 use numpy::IntoPyArray;
@@ -183,7 +183,7 @@ impl Run {
         let traces = self.traces.get_or_try_init(py, || {
             let traces = PyDict::new(py);
             for trace in &self.recorded {
-                traces.set_item(motor_name(trace.motor), columns(py, trace)?)?;
+                traces.set_item(trace.motor.name(), columns(py, trace)?)?;
             }
             Ok::<_, PyErr>(traces.unbind())
         })?;

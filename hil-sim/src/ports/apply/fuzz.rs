@@ -16,8 +16,8 @@ use tater_wire::{Destination, Frame, Message};
 use wraptor::slcan::line::{self, Lines, Said};
 
 use super::*;
+use crate::ports::simulated::Simulated;
 use crate::ports::slcan::Slcan;
-use crate::tuning::excite::Simulated;
 use crate::world::board::SimBoard;
 use crate::world::node::Node;
 use crate::world::plant::Model;

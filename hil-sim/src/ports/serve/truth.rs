@@ -11,7 +11,6 @@ use tater_wire::MotorKind;
 use super::event::{Event, NewClient};
 use super::link::Link;
 use super::tcp::{self, Refusals};
-use crate::experiment::scenario::motor_name;
 use crate::ports::output::warn;
 use crate::world::bus::Bus;
 use crate::world::node::Node;
@@ -58,7 +57,7 @@ impl Motor {
         let rad_per_count = std::f64::consts::TAU / (gear * MotorKind::COUNTS_PER_TURN as f64);
         Self {
             node: node.straps().number(),
-            motor: motor_name(kind),
+            motor: kind.name(),
             position_counts: truth.counts,
             position_rad: truth.counts * rad_per_count,
             velocity_counts_per_s: truth.counts_per_s,

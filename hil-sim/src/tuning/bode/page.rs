@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use crate::experiment::report::{Chart, Level, Mark, Series, Sheet, escape};
+use crate::experiment::charts::{Chart, Level, Mark, Series, Sheet, escape};
 use crate::tuning::response::Response;
 
 /// Points of a curve: the interpolation shows between the measured ones.

@@ -12,7 +12,8 @@ use servo_core::units::Duty;
 
 use super::linear::{Normal, Solution};
 use super::path::Point;
-use super::record::{Row, UNIT_N_M, UNIT_V};
+use super::record::Row;
+use crate::tuning::names::{UNIT_N_M, UNIT_V};
 use crate::world::plant::circuit::{Flow, Winding};
 use crate::world::plant::inverter::Inverter;
 use crate::world::plant::{Model, PlantParams, RAD_PER_COUNT, trapezoid};

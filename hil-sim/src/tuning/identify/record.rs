@@ -1,14 +1,9 @@
 //! A recorded move: the columns of a trace that a board can report over the bus. Columns of the simulator's truth are never read.
 
 use crate::experiment::input::{BadInput, shorten};
+use crate::tuning::names::UNIT_N_M;
 use crate::world::rig::halls::CODES;
 use tater_wire::MotorKind;
-
-/// A torque unit of the boards, N·m: 1024 are 65 N·cm.
-pub const UNIT_N_M: f64 = 0.65 / 1024.0;
-
-/// Volts of a torque unit: 1024 are 24 V.
-pub const UNIT_V: f64 = 24.0 / 1024.0;
 
 /// Columns that a recording must have.
 const NEEDED: [&str; 6] = ["time_ms", "halls_code", "bus_v", "bus_a", "bridge_on", "torque_per_1024"];

@@ -4,7 +4,7 @@
 
 use super::Sweep;
 use super::table::{Column, Kind};
-use crate::experiment::report::{Chart, Explore, Field, Series, Sheet, escape};
+use crate::experiment::charts::{Chart, Explore, Field, Series, Sheet, escape};
 
 /// Most rows that are drawn: more points hide each other.
 pub const MOST_SHOWN: u64 = 5000;

@@ -13,7 +13,7 @@ use super::ensemble::Ensemble;
 use crate::experiment::input::BadInput;
 use crate::experiment::properties::{self, Property};
 use crate::experiment::run::{MotorRun, Options, run};
-use crate::experiment::scenario::{Scenario, motor_name};
+use crate::experiment::scenario::Scenario;
 use crate::world::plant::Model;
 
 /// Plants of a trade-off; a false alarm in 100 plants is about 15 in an hour of motion.
@@ -126,7 +126,7 @@ struct Moves {
 
 impl Moves {
     fn new(ensemble: &Ensemble) -> Result<Self, BadInput> {
-        let name = motor_name(ensemble.motor);
+        let name = ensemble.motor.name();
         let head =
             |ms: u32| format!("name = 'alarms'\nabout = 'A move.'\nmotor = '{name}'\nduration_ms = {ms}\n");
         let bench = |text: String| -> Result<Scenario, BadInput> {

@@ -10,7 +10,7 @@ use tater_wire::MotorKind;
 use crate::experiment::input::BadInput;
 use crate::experiment::metrics::{self, Metric, Metrics, Value, Window};
 use crate::experiment::run::MotorRun;
-use crate::experiment::scenario::{Case, Scenario, motor_name};
+use crate::experiment::scenario::{Case, Scenario};
 use crate::world::plant::PlantParams;
 use crate::world::rig::RigParams;
 
@@ -116,7 +116,7 @@ impl Goal {
     /// None: the texts are valid, as a test shows.
     pub fn new(objective: Objective, motor: MotorKind) -> Result<Self, BadInput> {
         let text = text(objective, motor);
-        let name = format!("{objective}-{}.toml", motor_name(motor));
+        let name = format!("{objective}-{}.toml", motor.name());
         let scenario = Scenario::parse(&name, &text)?;
         Ok(Self { objective, text, scenario, terms: terms(objective) })
     }
@@ -210,7 +210,7 @@ fn text(objective: Objective, motor: MotorKind) -> String {
         MotorKind::Link | MotorKind::Tip => 325,
         MotorKind::Spread => 160,
     };
-    let name = motor_name(motor);
+    let name = motor.name();
     let head = |about: &str, duration_ms: u32| {
         format!(
             "name = \"{objective}-{name}\"\nabout = \"{about}\"\nmotor = \"{name}\"\nduration_ms = {duration_ms}\n"

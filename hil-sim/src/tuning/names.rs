@@ -1,10 +1,7 @@
-//! What makes a table a trace: `time_ms` first, and columns of runs or of recorded boards. The unit of a column is in its name.
-
-use tater_wire::Property;
+//! Names and units of the columns of traces. The unit of a column is in its name.
 
 use super::table::{Column, Heading, TableError};
 use crate::experiment::input::did_you_mean;
-use crate::experiment::trace::COLUMNS;
 
 /// The column that is first in every trace.
 pub const TIME: &str = "time_ms";
@@ -17,6 +14,12 @@ pub const RECORDED_BY: &str = "recorded_by";
 
 /// How many answers of a recorded row were damaged, missing or out of range; 0: none.
 pub const UNTRUSTED: &str = "untrusted";
+
+/// A torque unit of the boards, N·m: 1024 are 65 N·cm.
+pub const UNIT_N_M: f64 = 0.65 / 1024.0;
+
+/// Volts of a torque unit: 1024 are 24 V.
+pub const UNIT_V: f64 = 24.0 / 1024.0;
 
 /// The unit that a column's name ends in; empty for codes and switches.
 #[must_use]
@@ -37,11 +40,11 @@ pub fn unit(name: &str) -> &'static str {
     UNITS.iter().find(|(end, _)| name.ends_with(end)).map_or("", |(_, unit)| unit)
 }
 
-/// Checks that a table is a trace.
+/// Checks that a table is a trace whose columns have names that are `known`.
 ///
 /// # Errors
 /// Another first column than the time, a name that no trace has, or no numbers.
-pub fn check(heading: &Heading) -> Result<(), TableError> {
+pub fn check(heading: &Heading, known: &[&str]) -> Result<(), TableError> {
     let first = heading.columns.first().map_or("nothing", |column| column.name.as_str());
     if first != TIME {
         return Err(TableError::place(1, first, first, format!("{TIME}, the first column of a trace")));
@@ -50,9 +53,8 @@ pub fn check(heading: &Heading) -> Result<(), TableError> {
         if heading.columns.iter().take(index).any(|before| before.name == *name) {
             return Err(TableError::place(1, name, "the column a second time", "each column once"));
         }
-        if !is_known(name) {
-            let names = COLUMNS.iter().map(|column| column.name).chain([MOTOR]);
-            let expected = match did_you_mean(name, names) {
+        if !known.contains(&name.as_str()) {
+            let expected = match did_you_mean(name, known.iter().copied()) {
                 Some(question) => format!("a column of a trace; {question}"),
                 None => "a column of a trace (docs/traces.md), or a property's name".to_owned(),
             };
@@ -62,27 +64,12 @@ pub fn check(heading: &Heading) -> Result<(), TableError> {
     Ok(())
 }
 
-fn is_known(name: &str) -> bool {
-    [MOTOR, UNTRUSTED].contains(&name)
-        || COLUMNS.iter().any(|column| column.name == name)
-        || Property::named(name).is_some()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::tuning::table::Kind;
 
-    #[test]
-    fn every_quantity_of_a_trace_has_a_unit() {
-        let without: Vec<&str> =
-            COLUMNS.iter().map(|column| column.name).filter(|name| unit(name).is_empty()).collect();
-        assert_eq!(without, ["mode", "halls_code", "strain", "bridge_on", "brake_released"]);
-        assert_eq!(
-            (unit("velocity_counts_s"), unit("phase_a_a"), unit("load_n_m")),
-            ("counts/s", "A", "N·m")
-        );
-    }
+    const KNOWN: [&str; 5] = [TIME, MOTOR, "bus_v", "winding_c", "IMOTOR"];
 
     #[test]
     fn other_tables_are_no_traces() {
@@ -90,7 +77,7 @@ mod tests {
             columns: names.iter().map(|name| Column::new(*name, "", Kind::Float)).collect(),
             metadata: Vec::new(),
         };
-        assert!(check(&table(&["time_ms", "motor", "bus_v", "IMOTOR"])).is_ok());
+        assert!(check(&table(&["time_ms", "motor", "bus_v", "IMOTOR"]), &KNOWN).is_ok());
         for (names, words) in [
             (&["x", "y"][..], "found x, expected time_ms"),
             (&[], "found nothing"),
@@ -100,7 +87,7 @@ mod tests {
             ),
             (&["time_ms", "bus_v", "bus_v"], "a second time"),
         ] {
-            let error = check(&table(names)).expect_err("refused").to_string();
+            let error = check(&table(names), &KNOWN).expect_err("refused").to_string();
             assert!(error.contains(words), "{error}");
         }
     }

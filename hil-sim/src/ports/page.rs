@@ -2,13 +2,12 @@
 
 use std::fmt::Write;
 
-use super::chart::{Chart, Column, Mark, Series, escape};
-use super::model_name;
-use super::sheet::Sheet;
+use crate::experiment::charts::{Chart, Column, Mark, Series, Sheet, escape};
 use crate::experiment::metrics::{METRICS, Value, end_word};
 use crate::experiment::properties::PROPERTIES;
+use crate::experiment::report::model_name;
 use crate::experiment::run::{MotorRun, Outcome};
-use crate::experiment::scenario::{Case, Scenario, motor_name};
+use crate::experiment::scenario::{Case, Scenario};
 use crate::experiment::trace::{COLUMNS, Trace};
 
 const HEADLINES: [(&str, &str, &str); 8] = [
@@ -47,39 +46,6 @@ pub fn html(scenario: &Scenario, outcome: &Outcome) -> String {
     sheet.finish()
 }
 
-/// One curve over time.
-pub struct Plot {
-    /// What it shows.
-    pub title: &'static str,
-    /// Its unit.
-    pub unit: &'static str,
-    /// Least span of the axis.
-    pub least_span: f64,
-    /// Times, ms.
-    pub times: Vec<f64>,
-    /// Values.
-    pub values: Vec<f64>,
-}
-
-/// A page with a table and curves. `head` and the `rows` are plain text; the first column is on the left.
-#[must_use]
-pub fn plots(name: &str, about: &str, head: &[&str], rows: &[Vec<String>], plots: &[Plot]) -> String {
-    let mut sheet = Sheet::new(name);
-    sheet.push(&format!("<header><h1>{}</h1>\n<p>{}</p></header>\n", escape(name), escape(about)));
-    sheet.table(head, rows, usize::MAX);
-    sheet.push("<h2>Residuals</h2>\n");
-    sheet.help();
-    for plot in plots {
-        let (x, y) = (sheet.column(plot.times.clone(), None), sheet.column(plot.values.clone(), Some(5)));
-        let mut chart = Chart::new(plot.title, plot.unit, "ms");
-        chart.series.push(Series::line(plot.title, "c1", x, y));
-        (chart.height, chart.least_span) = (220.0, plot.least_span);
-        chart.x.group = Some("time".to_owned());
-        sheet.chart(&chart);
-    }
-    sheet.finish()
-}
-
 fn expectations(page: &mut String, outcome: &Outcome) {
     if outcome.expectations.is_empty() {
         return;
@@ -101,7 +67,7 @@ fn expectations(page: &mut String, outcome: &Outcome) {
 fn motor(sheet: &mut Sheet, scenario: &Scenario, case: &Case, run: &MotorRun) {
     let end = run.metrics.end_reason.map_or(String::new(), |reason| format!(" · {}", end_word(reason)));
     let mut page = String::new();
-    let _ = writeln!(page, "<h2>{} motor{end}</h2>\n<div class=\"tiles\">", capital(motor_name(run.motor)));
+    let _ = writeln!(page, "<h2>{} motor{end}</h2>\n<div class=\"tiles\">", capital(run.motor.name()));
     for (name, label, unit) in HEADLINES {
         let value =
             METRICS.iter().find(|metric| metric.name == name).map(|metric| (metric.get)(&run.metrics));
