@@ -15,6 +15,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scenario;
+pub mod toml_text;
 pub mod torture;
 pub mod trace;
 pub mod typist;

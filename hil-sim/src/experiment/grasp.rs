@@ -19,7 +19,8 @@ use std::path::Path;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::input::{BadInput, Source};
+use super::input::BadInput;
+use super::toml_text::Source;
 use crate::world::hand::scene::{Capsule, Pose, Scene, SceneObject};
 
 /// Default stiffness, N/m; chosen: the full torque of a link, about 150 N at its tip, dents it by 0.8 mm.

@@ -9,9 +9,10 @@ use tater_wire::MotorKind;
 use toml::Spanned;
 
 use super::{Action, Case, Expectation, Initial, Order, SHIPPED, Scenario, Timed, Want, file};
-use crate::experiment::input::{self, BadInput, Source};
+use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics::{self, Window};
 use crate::experiment::properties::{self, Property, PropertyError};
+use crate::experiment::toml_text::{self, Source};
 use crate::world::plant::{Model, ParamError, PlantParams};
 use crate::world::rig::{Object, Rig, RigParams, Side};
 
@@ -216,7 +217,7 @@ fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Res
         let Some(slot) = table.get_mut(name.get_ref().as_str()) else {
             let known: Vec<String> = table.keys().map(|key| format!("`{key}`")).collect();
             let known = known.join(", ");
-            let next = input::suggestion(name.get_ref(), &known);
+            let next = toml_text::suggestion(name.get_ref(), &known);
             return Err(source.error(name.span(), format!("[plant] has no {}", name.get_ref()), known, next));
         };
         let number = value.get_ref().0;

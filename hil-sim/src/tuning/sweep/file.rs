@@ -7,9 +7,10 @@ use toml::{Spanned, Value};
 
 use super::draw::Stream;
 use super::{Axis, Entry, Load, Places, Sweep};
-use crate::experiment::input::{self, BadInput, Source};
+use crate::experiment::input::{self, BadInput};
 use crate::experiment::properties;
 use crate::experiment::scenario::{FIGURES, Figure, Scenario};
+use crate::experiment::toml_text::Source;
 use crate::world::plant::Model;
 
 #[derive(Deserialize)]
