@@ -7,9 +7,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What decides the result of a run.
-const SOURCES: [&str; 7] = [
+const SOURCES: [&str; 14] = [
     "hil-sim/src",
+    "hil-sim/world/src",
+    "hil-sim/experiment/src",
+    "hil-sim/torture/src",
+    "hil-sim/tuning/src",
     "hil-sim/scenarios",
+    "hil-sim/grasps",
+    "commission/src",
+    "traces/src",
     "god/src",
     "kinematics/src",
     "servo-core/src",

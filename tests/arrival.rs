@@ -1,9 +1,10 @@
 //! Arrival is true: a motor that is called arrived stands, and comes to rest within MPE of its end, over scattered plants.
 //! The full size, 300 plants for each motion: `ARRIVAL_PLANTS=300 cargo test -p system-tests arrival:: -- --nocapture`.
 
-use hil_sim::node::Node;
-use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options};
+use hil_experiment::run::Options;
+use hil_experiment::scenario::Scenario;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use servo_core::{EndReason, Event};
 use tater_wire::Property;
 
@@ -39,8 +40,8 @@ fn moved(motor: &str, set: &str, (from, to): (i32, i32), seed: u64) -> Ended {
     );
     let scenario = Scenario::parse("arrival", &text).expect("valid");
     let options = Options { seed, model: Model::Averaged, trace: false };
-    let mut node = hil_sim::board(&scenario, &scenario.cases[0], &options).expect("valid");
-    hil_sim::set(&mut node, Property::M, to.into()).expect("idle takes a move");
+    let mut node = hil_experiment::run::board(&scenario, &scenario.cases[0], &options).expect("valid");
+    hil_experiment::run::set(&mut node, Property::M, to.into()).expect("idle takes a move");
     let mut end = None;
     let mut ms = 0;
     while end.is_none() {

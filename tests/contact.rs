@@ -3,11 +3,11 @@
 
 use std::fmt::Debug;
 
-use hil_sim::board::SimBoard;
-use hil_sim::hand::person::{DAMPING_S, stiffness_n_m_rad};
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Object, Rig, RigParams, Side, Truth};
+use hil_world::board::SimBoard;
+use hil_world::hand::person::{DAMPING_S, stiffness_n_m_rad};
+use hil_world::node::Node;
+use hil_world::plant::{Heat, Model, PlantParams, Start};
+use hil_world::rig::{Object, Rig, RigParams, Side, Truth};
 use tater_wire::{Destination, Message, MotorKind, Node as Id, Property};
 
 mod force;

@@ -6,9 +6,10 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use hil_sim::scenario::Scenario;
-use hil_sim::torture::kinds::ROWS;
-use hil_sim::{Model, Options, run};
+use hil_experiment::run::{Options, run};
+use hil_experiment::scenario::Scenario;
+use hil_torture::kinds::ROWS;
+use hil_world::plant::Model;
 use serde_json::Value;
 
 use crate::fences::root;

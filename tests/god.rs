@@ -25,10 +25,10 @@ mod walk_through_grammar;
 mod world;
 
 use god::Memory;
-use hil_sim::board::SimBoard;
-use hil_sim::hand::Hand;
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::hand::Hand;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use tater_wire::Node as Id;
 
 pub struct Session {

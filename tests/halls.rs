@@ -1,6 +1,6 @@
 //! Hall decoder and the estimator of recorded shafts against recordings, and against generated motions of known velocity.
 
-use hil_sim::replay;
+use hil_experiment::replay;
 use proptest::prelude::*;
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::sense::recorded::real::Real;

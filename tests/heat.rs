@@ -1,9 +1,9 @@
 //! The winding's true temperature over any sequence of stalls, resets, brown-outs, hangs and power cuts (decision 0051).
 
-use hil_sim::board::SimBoard;
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Rig, RigParams};
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::{Heat, Model, PlantParams, Start};
+use hil_world::rig::{Rig, RigParams};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use servo_core::guard::thermal::DISABLED;

@@ -1,9 +1,10 @@
 //! HI on simulated joints: a motor that cannot turn is never homed, and one that is homed knows where it stands.
 
-use hil_sim::node::Node;
-use hil_sim::plant::{Contact, PlantParams, RAD_PER_COUNT};
-use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options};
+use hil_experiment::run::Options;
+use hil_experiment::scenario::Scenario;
+use hil_world::node::Node;
+use hil_world::plant::Model;
+use hil_world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
 use tater_wire::{MotorKind, Property};
@@ -29,16 +30,16 @@ fn joint(motor: &str, count: i32, friction: f64, set: &str, seed: u64) -> Node {
          initial = {{ position_counts = {count} }}\n"
     );
     let scenario = Scenario::parse("joint", &text).expect("valid");
-    hil_sim::board(&scenario, &scenario.cases[0], &Options { seed, ..OPTIONS }).expect("valid")
+    hil_experiment::run::board(&scenario, &scenario.cases[0], &Options { seed, ..OPTIONS }).expect("valid")
 }
 
 /// Orders HI and steps until the motor is idle or holds; `each` sees every step. Returns the fault and whether it is homed.
 fn home(node: &mut Node, mut each: impl FnMut(&mut Node)) -> (Option<Fault>, bool) {
-    hil_sim::set(node, Property::CMD, 13).expect("HI");
+    hil_experiment::run::set(node, Property::CMD, 13).expect("HI");
     for ms in 0..HI_MS {
         if ms % 100 == 0 {
             // Mode 4 ends without a host.
-            hil_sim::set(node, Property::DS, 0).expect("in range");
+            hil_experiment::run::set(node, Property::DS, 0).expect("in range");
         }
         node.step();
         each(node);
@@ -66,7 +67,7 @@ fn spread_whose_brake_is_stuck_is_jammed_and_not_homed() {
     spread.rig_mut().stick_brake(Some(true));
     assert_eq!(home(&mut spread, |_| ()), (Some(Fault::Jammed), false));
     spread.rig_mut().stick_brake(None);
-    hil_sim::set(&mut spread, Property::STAT, 2).expect("clears the fault");
+    hil_experiment::run::set(&mut spread, Property::STAT, 2).expect("clears the fault");
     assert_eq!(home(&mut spread, |_| ()), (None, true));
 }
 
@@ -172,7 +173,7 @@ fn varied_joint(kind: MotorKind, plant: &PlantParams, seed: u64) -> Node {
          stop_stiffness_n_m_rad = {stop_stiffness_n_m_rad}\nstop_damping_n_m_s = {stop_damping_n_m_s}\n"
     );
     let scenario = Scenario::parse("joint", &text).expect("valid");
-    hil_sim::board(&scenario, &scenario.cases[0], &Options { seed, ..OPTIONS }).expect("valid")
+    hil_experiment::run::board(&scenario, &scenario.cases[0], &Options { seed, ..OPTIONS }).expect("valid")
 }
 
 /// A joint's play, its twist and its stop decide whether a rotor springs back when it is let go; one that does not was taken for stalled on its

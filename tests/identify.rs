@@ -1,15 +1,17 @@
 //! Unknown motors: the move of `excite` over the bus, and what `identify` makes of it, against the plants' parameters.
 
-use hil_sim::board::SimBoard;
-use hil_sim::excite::{Link, csv, excite};
-use hil_sim::identify::{Estimate, Recording, WORKING_SPEED, identify};
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
-use hil_sim::rig::{Rig, RigParams};
+use commission::excite::{Link, csv, excite};
+use hil_experiment::run::node_of;
 use hil_sim::simulated::Simulated;
-use hil_sim::{Model, MotorKind, node_of};
+use hil_tuning::identify::{Estimate, Recording, WORKING_SPEED, identify};
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
+use hil_world::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
+use hil_world::rig::{Rig, RigParams};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Property};
 
 /// Plants of a short run; IDENTIFY_PLANTS=100 runs the ensemble of docs/identify.md.

@@ -1,9 +1,10 @@
 //! The servo in closed loop with the plant: guarantees over hundreds of plants that differ by ±30 % in
 //! inertia, friction, Ke and R, on supplies of 20 to 28 V, with halls misplaced by up to ±10° electrical.
 
-use hil_sim::plant::RAD_PER_COUNT;
-use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options, Outcome, run};
+use hil_experiment::run::{Options, Outcome, run};
+use hil_experiment::scenario::Scenario;
+use hil_world::plant::Model;
+use hil_world::plant::RAD_PER_COUNT;
 use servo_core::EndReason;
 use tater_wire::MotorKind;
 use tater_wire::Property;
@@ -136,8 +137,8 @@ fn reversing_link_does_not_break_away() {
 fn disturbance_steps_are_held_within_a_count() {
     let scenario = shipped("spread-hold-disturbance");
     let options = Options { seed: 1, model: Model::Averaged, trace: false };
-    let mut board = hil_sim::board(&scenario, &scenario.cases[0], &options).expect("valid");
-    hil_sim::set(&mut board, Property::MODE, 3).expect("idle takes mode 3");
+    let mut board = hil_experiment::run::board(&scenario, &scenario.cases[0], &options).expect("valid");
+    hil_experiment::run::set(&mut board, Property::MODE, 3).expect("idle takes mode 3");
     let mut step = |n_m: f64| {
         board.rig_mut().set_disturbance(n_m);
         let mut most = 0.0f64;
@@ -228,12 +229,12 @@ fn both_inverter_models_move_the_motor_equally() {
 /// residual, turnover).
 fn stepped(scenario: &Scenario, model: Model, max_step_us: u64) -> (Option<u32>, f64, f64) {
     let options = Options { seed: 1, model, trace: false };
-    let mut board = hil_sim::board(scenario, &scenario.cases[0], &options).expect("valid");
+    let mut board = hil_experiment::run::board(scenario, &scenario.cases[0], &options).expect("valid");
     board.rig_mut().set_max_step_us(max_step_us);
     let mut ended = None;
     for ms in 0..scenario.duration_ms {
         if ms == 50 {
-            hil_sim::set(&mut board, Property::M, 166).expect("idle takes a move");
+            hil_experiment::run::set(&mut board, Property::M, 166).expect("idle takes a move");
         }
         board.step();
         while let Some(event) = board.event() {
@@ -271,7 +272,7 @@ fn same_seed_same_bytes() {
         let outcome = run(&scenario, &Options { seed, model: Model::Averaged, trace: true }).expect("valid");
         let mut bytes = Vec::new();
         let trace = outcome.runs[0].trace.clone().expect("asked for");
-        hil_sim::trace::write_csv(&mut bytes, &[trace]).expect("memory takes all");
+        hil_experiment::trace::write_csv(&mut bytes, &[trace]).expect("memory takes all");
         bytes
     };
     assert_eq!(csv(7), csv(7));

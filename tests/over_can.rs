@@ -1,11 +1,12 @@
 //! The shipped scenarios over CAN alone, on native boards: a host's measurements match the direct ones.
 
-use hil_sim::board::SimBoard;
-use hil_sim::metrics::{Metrics, Value, find};
-use hil_sim::node::Node;
-use hil_sim::over_can::{BoardResult, Job, OverCan, POLL_MS, gap, judge, parked};
-use hil_sim::scenario::{Case, SHIPPED, Scenario};
-use hil_sim::{Model, Options, node_of, rig, run};
+use hil_experiment::metrics::{Metrics, Value, find};
+use hil_experiment::over_can::{BoardResult, Job, OverCan, POLL_MS, gap, judge, parked};
+use hil_experiment::run::{Options, node_of, rig, run};
+use hil_experiment::scenario::{Case, SHIPPED, Scenario};
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use tater_wire::Node as Id;
 
 const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
@@ -76,7 +77,7 @@ fn tolerance(name: &str, direct: f64) -> Option<f64> {
 fn differences(direct: &Metrics, over_can: &Metrics) -> Vec<String> {
     // After the end of a move its duration depends on the noise; the time of a stall is an expectation.
     let compared = |name: &str| name != "end_after_last_count_ms";
-    let differs = |metric: &hil_sim::metrics::Metric| {
+    let differs = |metric: &hil_experiment::metrics::Metric| {
         let (a, b) = ((metric.get)(direct), (metric.get)(over_can));
         let same = match (&a, &b) {
             (Value::Number(a), Value::Number(b)) => {
@@ -87,7 +88,7 @@ fn differences(direct: &Metrics, over_can: &Metrics) -> Vec<String> {
         (!same && compared(metric.name) && gap(metric, POLL_MS).is_none())
             .then(|| format!("{}: {a} and {b}", metric.name))
     };
-    hil_sim::metrics::METRICS.iter().filter_map(differs).collect()
+    hil_experiment::metrics::METRICS.iter().filter_map(differs).collect()
 }
 
 #[test]

@@ -3,8 +3,8 @@
 //! Commutation is open loop, by the table of decision 0003, so nothing here depends on the servo.
 
 use fixed::types::I1F15;
-use hil_sim::plant::{Heat, Model, PlantParams, RAD_PER_COUNT, Start, trapezoid};
-use hil_sim::rig::{Object, Rig, RigParams, Side, Truth};
+use hil_world::plant::{Heat, Model, PlantParams, RAD_PER_COUNT, Start, trapezoid};
+use hil_world::rig::{Object, Rig, RigParams, Side, Truth};
 use proptest::prelude::*;
 use servo_core::sense::commutation::{Bridge, Leg};
 use servo_core::units::Duty;

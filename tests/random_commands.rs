@@ -5,7 +5,7 @@
 //! `RANDOM_COMMAND_RUNS=4500 cargo test -p system-tests random_commands -- --nocapture` for more runs, `RANDOM_COMMAND_FIRST=17` for others.
 
 use crate::heat::{Bench, HANGS_US, MOST_C};
-use hil_sim::plant::{Contact, PlantParams, RAD_PER_COUNT};
+use hil_world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use servo_core::mode::Mode;

@@ -1,8 +1,9 @@
 //! The shipped scenarios' expectations, and the errors for bad scenario files.
 
-use hil_sim::input::BadInput;
-use hil_sim::scenario::{SHIPPED, Scenario};
-use hil_sim::{Model, Options, Outcome, run};
+use hil_experiment::run::{Options, Outcome, run};
+use hil_experiment::scenario::{SHIPPED, Scenario};
+use hil_world::plant::Model;
+use traces::input::BadInput;
 
 const NOMINAL: Options = Options { seed: 1, model: Model::Averaged, trace: false };
 
@@ -60,7 +61,7 @@ fn same_seed_same_outcome_to_the_last_bit() {
         let traces: Vec<_> =
             outcome("hall-glitch", options).runs.into_iter().filter_map(|run| run.trace).collect();
         let mut csv = Vec::new();
-        hil_sim::trace::write_csv(&mut csv, &traces).expect("memory is never full");
+        hil_experiment::trace::write_csv(&mut csv, &traces).expect("memory is never full");
         csv
     };
     assert!(csv(&options) == csv(&options), "a run must not depend on anything but its input");
@@ -364,7 +365,7 @@ fn properties_from_the_command_line_are_checked_like_those_of_a_file() {
     }
 }
 
-fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_sim::metrics::Metrics {
+fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_experiment::metrics::Metrics {
     let at: String = commands.iter().map(|(ms, what)| format!("[[at]]\nms = {ms}\n{what}\n")).collect();
     let text = format!("name = \"x\"\nabout = \"y\"\nmotor = \"{motor}\"\nduration_ms = 3000\n{at}");
     let scenario = Scenario::parse("x.toml", &text).unwrap_or_else(|bad| panic!("{bad}"));

@@ -2,12 +2,12 @@
 
 mod picture;
 
-use hil_sim::board::SimBoard;
-use hil_sim::bus::{Adapter, Bus, Station};
-use hil_sim::node::Node;
-use hil_sim::plant::supply::{BOARD_F, LIMIT_A};
-use hil_sim::plant::{Heat, Model, PlantParams, SharedSupply, Start, Supply};
-use hil_sim::rig::{Bridge, Leg, Rig, RigParams};
+use hil_world::board::SimBoard;
+use hil_world::bus::{Adapter, Bus, Station};
+use hil_world::node::Node;
+use hil_world::plant::supply::{BOARD_F, LIMIT_A};
+use hil_world::plant::{Heat, Model, PlantParams, SharedSupply, Start, Supply};
+use hil_world::rig::{Bridge, Leg, Rig, RigParams};
 use servo_core::guard::fault::Fault;
 use servo_core::units::Duty;
 use tater_wire::{Destination, Group, Message, ModeCode, MotorKind, Node as Id, Property};
@@ -270,7 +270,7 @@ fn folded_torque_settles_without_a_limit_cycle() {
 
 #[test]
 fn shared_supply_feeds_a_hand_and_a_single_board_has_its_own() {
-    let hand = hil_sim::hand::Hand::new(Model::Averaged, 1, god::Memory::default());
+    let hand = hil_world::hand::Hand::new(Model::Averaged, 1, god::Memory::default());
     assert_eq!(hand.supply().volts(), 24.0);
     let mut rig = rig(1, Act::Start, None);
     // One motor at full speed into a bridge that brakes at half duty: its energy has nowhere to go but the capacitor.

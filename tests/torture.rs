@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use hil_sim::torture::case::{Case, Fault, World};
-use hil_sim::torture::kinds::{FaultKind, ROWS, Row};
-use hil_sim::torture::program::{Act, Step};
-use hil_sim::torture::{Outcome, Selection, Violation, run, shrink};
+use hil_torture::case::{Case, Fault, World};
+use hil_torture::kinds::{FaultKind, ROWS, Row};
+use hil_torture::program::{Act, Step};
+use hil_torture::{Outcome, Selection, Violation, run, shrink};
 use rand_pcg::Pcg64Mcg;
 use tater_wire::FaultCode;
 
@@ -148,16 +148,15 @@ fn names_and_rows_are_unique_and_in_order() {
     }
     let names: BTreeSet<&str> = ROWS.iter().map(|row| row.name).collect();
     assert_eq!(names.len(), ROWS.len());
-    let invariants: BTreeSet<&str> =
-        hil_sim::torture::INVARIANTS.iter().map(|invariant| invariant.name).collect();
-    assert_eq!(invariants.len(), hil_sim::torture::INVARIANTS.len());
+    let invariants: BTreeSet<&str> = hil_torture::INVARIANTS.iter().map(|invariant| invariant.name).collect();
+    assert_eq!(invariants.len(), hil_torture::INVARIANTS.len());
 }
 
 #[test]
 fn docs_have_the_tables() {
     let page = include_str!("../docs/torture.md");
     assert!(
-        page.contains(&hil_sim::torture::report::tables()),
+        page.contains(&hil_torture::report::tables()),
         "docs/torture.md: replace its tables by those of `hil-sim torture --list`"
     );
 }
@@ -166,7 +165,7 @@ fn docs_have_the_tables() {
 #[test]
 fn safety_page_has_the_promises_of_the_checks() {
     let page = include_str!("../docs/safety.md");
-    for row in hil_sim::torture::report::promises() {
+    for row in hil_torture::report::promises() {
         assert!(page.lines().any(|line| line.starts_with(&row)), "docs/safety.md lacks {row}");
     }
 }
@@ -207,7 +206,7 @@ fn every_seed_that_ever_failed_holds() {
 fn long_seed_heats_a_winding_and_holds() {
     let case = Case::draw_long(2);
     assert!(case.is_long && case.stop_ms >= 600_000 && case != Case::draw(2));
-    let line = hil_sim::torture::report::replay_line(&case, &Selection::default());
+    let line = hil_torture::report::replay_line(&case, &Selection::default());
     assert_eq!(line, "hil-sim torture --seed 2 --long --replay");
     let outcome = run(&case);
     assert_eq!(outcome.violation, None);

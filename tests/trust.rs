@@ -4,9 +4,9 @@
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use hil_sim::board::SimBoard;
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use servo_core::mode::Mode;
 use tater_fw::Board;
 use tater_fw::storage::{Progress, Store};

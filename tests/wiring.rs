@@ -2,11 +2,11 @@
 //! each up to its mirror image. Every test takes all 36 orders of phases and hall lines on the three kinds of motors; the full
 //! table of 30 plants each is `GOD_WIRING_PLANTS=30 cargo test --release -p system-tests wiring:: -- --nocapture`.
 
-use hil_sim::board::SimBoard;
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Rig, RigParams};
-use hil_sim::set;
+use hil_experiment::run::set;
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::{Heat, Model, PlantParams, Start};
+use hil_world::rig::{Rig, RigParams};
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
 use servo_core::{EndReason, Telemetry};

@@ -1,7 +1,7 @@
 //! The board's analog front end: from motor quantities to the converter's 12 bits (docs/board.md, "Analog
 //! front end").
 
-use hil_sim::rig::{Analog, Rig};
+use hil_world::rig::{Analog, Rig};
 
 /// Codes of the converter; its reference is VDDA, 3.3 V.
 const CODES: f64 = 4096.0;

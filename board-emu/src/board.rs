@@ -6,12 +6,12 @@
 
 use std::rc::Rc;
 
-use hil_sim::bus::Station;
-use hil_sim::hand::Motorized;
-use hil_sim::node::shipped_storage;
-use hil_sim::over_can::ObservedBoard;
-use hil_sim::rig::{Bridge, Rig};
-use hil_sim::torture::fault::Subject;
+use hil_experiment::over_can::ObservedBoard;
+use hil_torture::fault::Subject;
+use hil_world::bus::Station;
+use hil_world::hand::Motorized;
+use hil_world::node::shipped_storage;
+use hil_world::rig::{Bridge, Rig};
 use tater_wire::memory::{HEAT, MONITOR, RAM, STORAGE};
 use tater_wire::{Frame, Node};
 
@@ -453,11 +453,11 @@ impl Motorized for Board {
 }
 
 impl Subject for Board {
-    fn native(&self) -> Option<&hil_sim::node::Node> {
+    fn native(&self) -> Option<&hil_world::node::Node> {
         None
     }
 
-    fn native_mut(&mut self) -> Option<&mut hil_sim::node::Node> {
+    fn native_mut(&mut self) -> Option<&mut hil_world::node::Node> {
         None
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A driver switches its gate on at a high level; a pull-down holds an undriven one off.
 
-use hil_sim::rig::{Bridge, Leg, Rig, duty};
+use hil_world::rig::{Bridge, Leg, Rig, duty};
 
 use crate::chip::Chip;
 use crate::chip::gpio::Mode;

@@ -198,7 +198,7 @@ impl Server {
     pub fn accept(listener: &TcpListener, board: &mut Board) -> Result<Self, String> {
         let (stream, _) = listener.accept().map_err(|error| format!("--gdb: {error}"))?;
         // GDB waits for each small packet.
-        hil_sim::configure_tcp(&stream).map_err(|error| format!("--gdb: {error}"))?;
+        wraptor::configure_tcp(&stream).map_err(|error| format!("--gdb: {error}"))?;
         let stub =
             GdbStub::new(stream).run_state_machine(board).map_err(|error| format!("--gdb: {error}"))?;
         Ok(Self { stub: Some(stub), told: false })

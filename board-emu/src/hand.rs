@@ -3,12 +3,12 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 
-use hil_sim::board::SimBoard;
-use hil_sim::configure_tcp;
-use hil_sim::hand::serial::Serial;
-use hil_sim::hand::{Hand, Motorized};
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::hand::serial::Serial;
+use hil_world::hand::{Hand, Motorized};
+use hil_world::plant::Model;
 use tater_wire::Node;
+use wraptor::configure_tcp;
 
 use crate::board::Board;
 use crate::image::Programs;

@@ -15,10 +15,11 @@ use board_emu::image::Programs;
 use board_emu::rtt::Probe;
 use board_emu::session::{self, Nodes};
 use clap::Parser;
-use hil_sim::hand::Hand;
-use hil_sim::over_can::{Observer, OverCan, POLL_MS, Progress, gap, judge};
-use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options};
+use hil_experiment::over_can::{Observer, OverCan, POLL_MS, Progress, gap, judge};
+use hil_experiment::run::Options;
+use hil_experiment::scenario::Scenario;
+use hil_world::hand::Hand;
+use hil_world::plant::Model;
 
 mod print;
 
@@ -112,7 +113,8 @@ fn emulate(args: &Args) -> Result<bool, String> {
     let wall_s = begun.elapsed().as_secs_f64();
     clear();
     let (outcome, gaps) = judge(&scenario, &session.ran, &options, args.poll_ms);
-    let known = |name: &str| hil_sim::metrics::find(name).is_none_or(|m| gap(m, args.poll_ms).is_none());
+    let known =
+        |name: &str| hil_experiment::metrics::find(name).is_none_or(|m| gap(m, args.poll_ms).is_none());
     let told = print::Told { outcome: &outcome, session: &session, gaps: &gaps, wall_s, known: &known };
     let text = if args.json { told.json() } else { told.text() };
     match std::io::stdout().lock().write_all(text.as_bytes()) {

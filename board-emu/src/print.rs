@@ -1,8 +1,9 @@
 //! Prints the outcome of a session for people or as JSON.
 
 use board_emu::session::Session;
-use hil_sim::metrics::{METRICS, Value};
-use hil_sim::{Outcome, report};
+use hil_experiment::metrics::{METRICS, Value};
+use hil_experiment::report;
+use hil_experiment::run::Outcome;
 use serde_json::{Map, Value as Json, json};
 
 pub struct Told<'a> {

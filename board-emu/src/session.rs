@@ -1,9 +1,10 @@
 //! Runs a scenario on emulated boards: assigns nodes, boots them from erased flash, and collects the verdict.
 
-use hil_sim::over_can::{BoardResult, Job, OverCan, case_of, parked};
-use hil_sim::plant::PlantParams;
-use hil_sim::scenario::{Case, Initial, Scenario};
-use hil_sim::{Options, node_of, properties, rig};
+use hil_experiment::over_can::{BoardResult, Job, OverCan, case_of, parked};
+use hil_experiment::properties;
+use hil_experiment::run::{Options, node_of, rig};
+use hil_experiment::scenario::{Case, Initial, Scenario};
+use hil_world::plant::PlantParams;
 use tater_wire::MotorKind;
 use tater_wire::Node;
 use tater_wire::memory::APPLICATION;
@@ -99,7 +100,7 @@ fn kind(node: u8) -> MotorKind {
 
 /// The role of a board, and its motor while it boots. A board whose motor the scenario does not name runs the
 /// scenario's commands with its own motor from position 0, and is not judged.
-fn part(scenario: &Scenario, node: u8, options: &Options) -> Result<(Job, hil_sim::rig::Rig), String> {
+fn part(scenario: &Scenario, node: u8, options: &Options) -> Result<(Job, hil_world::rig::Rig), String> {
     let wrong = |error| format!("{}: node {node}: {error:?}\n  next: correct the scenario", scenario.name);
     let (case, scenario, judged) = match case_of(scenario, kind(node)) {
         Some(case) => (case.clone(), scenario.clone(), true),
@@ -114,9 +115,9 @@ fn part(scenario: &Scenario, node: u8, options: &Options) -> Result<(Job, hil_si
 
 fn bystander(scenario: &Scenario, node: u8) -> Case {
     let motor = kind(node);
-    let mut config = hil_sim::defaults(motor);
+    let mut config = properties::defaults(motor);
     if let Some(case) = scenario.cases.first() {
-        let defaults = hil_sim::defaults(case.motor);
+        let defaults = properties::defaults(case.motor);
         for property in &properties::PROPERTIES {
             let value = property.get(&case.config);
             if value != property.get(&defaults) {

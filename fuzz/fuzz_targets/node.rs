@@ -1,9 +1,9 @@
 //! Any frames to a board with its plant, in the monitor and awake: no panic, no limit exceeded.
 #![no_main]
 
-use hil_sim::board::SimBoard;
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use libfuzzer_sys::fuzz_target;
 use tater_wire::Frame;
 

@@ -1,7 +1,7 @@
 //! Any bytes from a CAN tool: every line is answered, memory is bounded.
 #![no_main]
 
-use hil_sim::bus::Stamped;
+use hil_world::bus::Stamped;
 use hil_sim::slcan::Slcan;
 use libfuzzer_sys::fuzz_target;
 

@@ -1,7 +1,7 @@
 //! Any content of the storage pages: opened without a panic, and written again.
 #![no_main]
 
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use libfuzzer_sys::fuzz_target;
 use tater_fw::storage::{Progress, Store};
 use tater_wire::Property;

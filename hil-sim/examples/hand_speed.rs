@@ -3,10 +3,10 @@
 
 use std::time::Instant;
 
-use hil_sim::Model;
-use hil_sim::board::SimBoard;
-use hil_sim::bus::{Adapter, Bus};
-use hil_sim::node::Node;
+use hil_world::board::SimBoard;
+use hil_world::bus::{Adapter, Bus};
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
 const SECONDS: u64 = 20;

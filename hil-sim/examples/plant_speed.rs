@@ -1,6 +1,6 @@
 //! Speed of the plant alone: simulated seconds per wall second, open loop, both models.
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Rig, RigParams};
+use hil_world::plant::{Heat, Model, PlantParams, Start};
+use hil_world::rig::{Rig, RigParams};
 use servo_core::sense::commutation::{Bridge, Leg};
 use servo_core::units::Duty;
 use std::time::Instant;

@@ -2,8 +2,9 @@
 
 use std::time::Instant;
 
-use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options};
+use hil_experiment::run::Options;
+use hil_experiment::scenario::Scenario;
+use hil_world::plant::Model;
 
 fn main() {
     let mut words = std::env::args().skip(1);
@@ -14,7 +15,7 @@ fn main() {
     let mut sum = 0.0;
     for seed in 0..runs {
         let options = Options { seed: seed.into(), model: Model::Averaged, trace: false };
-        let outcome = hil_sim::run(&scenario, &options).expect("a scenario that parses");
+        let outcome = hil_experiment::run::run(&scenario, &options).expect("a scenario that parses");
         sum += outcome.metrics.position_counts + outcome.metrics.heat_j;
     }
     let per_s = f64::from(runs) / begun.elapsed().as_secs_f64();

@@ -3,10 +3,11 @@
 
 use std::hint::black_box;
 
-use hil_sim::{MotorKind, defaults};
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::units::{Counts, DeciCelsius, Micros, MilliAmps, MilliVolts};
 use servo_core::{Command, Config, Drive, Sense, Servo};
+use tater_fw::motion::defaults;
+use tater_wire::MotorKind;
 
 struct Tick {
     now: Micros,

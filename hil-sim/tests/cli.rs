@@ -38,7 +38,7 @@ fn json_prints_one_object_with_the_documented_keys() {
     let object = json.as_object().expect("an object");
     let mut keys: Vec<&str> = object.keys().map(String::as_str).collect();
     // Every metric, and what is said of the run.
-    let metrics = hil_sim::metrics::METRICS.iter().map(|metric| metric.name);
+    let metrics = hil_experiment::metrics::METRICS.iter().map(|metric| metric.name);
     let mut promised: Vec<&str> =
         metrics.chain(["scenario", "seed", "model", "wall_s", "expectations"]).collect();
     keys.sort_unstable();
@@ -209,7 +209,7 @@ fn gcl_refuses_bytes_that_the_hand_would_drop() {
 #[test]
 fn list_names_every_shipped_scenario() {
     let text = stdout(&hil_sim(&["list"]));
-    for shipped in hil_sim::scenario::SHIPPED {
+    for shipped in hil_experiment::scenario::SHIPPED {
         assert!(text.lines().any(|line| line.starts_with(&format!("{} ", shipped.name))), "{}", shipped.name);
     }
 }

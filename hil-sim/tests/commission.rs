@@ -1,11 +1,11 @@
 //! Writing properties to boards, on all or on none: simulated boards behind a link that loses what a test picks.
 
-use hil_sim::apply::{Board, Change, State, compare, meet, write};
-use hil_sim::board::SimBoard;
-use hil_sim::excite::{Failure, Link};
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use commission::apply::{Board, Change, State, compare, meet, write};
+use commission::excite::{Failure, Link};
 use hil_sim::simulated::Simulated;
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use tater_wire::{Body, Destination, Frame, Message, MotorKind, Node as Id, Property};
 
 const VALUES: [(Property, i64); 2] = [(Property::KP, 150), (Property::KPV, 40)];

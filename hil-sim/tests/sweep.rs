@@ -4,11 +4,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use hil_sim::parquet::Reader;
-use hil_sim::table::Cell;
-use hil_sim::table::Source;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use traces::parquet::Reader;
+use traces::table::Cell;
+use traces::table::Source;
 
 fn hil_sim(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_hil-sim")).args(args).output().expect("the binary starts")
@@ -171,7 +171,7 @@ fn table_has_every_metric_with_its_unit_and_a_row_runs_alone() {
     let unit =
         |name: &str| columns.iter().find(|column| column.name == name).map(|column| column.unit.as_str());
     assert_eq!(unit("plant.j_kg_m2.x"), Some("x"));
-    for metric in &hil_sim::metrics::METRICS {
+    for metric in &hil_experiment::metrics::METRICS {
         assert_eq!(unit(metric.name), Some(metric.unit()), "{}", metric.name);
     }
     assert_eq!(
@@ -201,7 +201,7 @@ fn table_has_every_metric_with_its_unit_and_a_row_runs_alone() {
     assert_eq!(words[..2], ["hil-sim", "run"]);
     let json = ok(&[&words[1..], &["--json"]].concat());
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
-    for metric in hil_sim::metrics::METRICS.iter().filter(|metric| !metric.is_word()) {
+    for metric in hil_experiment::metrics::METRICS.iter().filter(|metric| !metric.is_word()) {
         let found = match rows[7][at(metric.name)] {
             Cell::Float(value) => Some(value),
             _ => None,

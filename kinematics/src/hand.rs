@@ -97,7 +97,7 @@ pub struct Hand {
     pub mount: Transform,
     /// A motor's peak torque, N·m (manual 1.3.3): 65 N·cm.
     pub peak_n_m: f64,
-    /// A rotor's inertia, kg·m². Chosen: that of hil-sim's plant (`hil-sim/src/world/plant/params.rs`).
+    /// A rotor's inertia, kg·m². Chosen: that of hil-sim's plant (`hil-sim/world/src/plant/params.rs`).
     pub rotor_kg_m2: f64,
     /// The whole hand's mass, kg (manual 1.3.1): 6.9. What the bodies below leave of it is the palm's.
     pub mass_kg: f64,

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use tater_wire::{Cmd, MotorKind, Property};
 
 use super::{Bench, KINDS, LOOK_US, object};
-use hil_sim::hand::person::{N_PER_MM, lever_m};
-use hil_sim::plant::PlantParams;
+use hil_world::hand::person::{N_PER_MM, lever_m};
+use hil_world::plant::PlantParams;
 
 /// Stiffness of what is met, N/mm: a tool of steel behind a finger's cover, a person's finger, a rubber ball.
 const OBJECTS: [(&str, f64); 3] = [("stiff", 300.0), ("person's finger", N_PER_MM), ("soft", 3.0)];

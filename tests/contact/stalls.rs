@@ -3,7 +3,7 @@
 use tater_wire::{MotorKind, Property};
 
 use super::{Bench, KINDS, UNITS};
-use hil_sim::plant::PlantParams;
+use hil_world::plant::PlantParams;
 
 /// How long a motor that a velocity drives is looked at, ms.
 const WATCHED_MS: f64 = 3_000.0;

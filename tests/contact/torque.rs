@@ -3,9 +3,9 @@
 use tater_wire::{MotorKind, Property};
 
 use super::{Bench, KINDS, LOOK_US, UNITS, object};
-use hil_sim::hand::person::N_PER_MM;
-use hil_sim::plant::PlantParams;
-use hil_sim::rig::Object;
+use hil_world::hand::person::N_PER_MM;
+use hil_world::plant::PlantParams;
+use hil_world::rig::Object;
 
 use crate::chart::{self, BLUE, ORANGE, Panel, Points};
 

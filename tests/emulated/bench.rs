@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use board_emu::board::Board;
 use board_emu::image::Programs;
-use hil_sim::bus::{Adapter, Bus, Station};
-use hil_sim::rig::Bridge;
+use hil_world::bus::{Adapter, Bus, Station};
+use hil_world::rig::Bridge;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
 use crate::protocol::hosts::answer;

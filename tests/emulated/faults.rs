@@ -172,7 +172,7 @@ fn break_input_switches_off_without_an_instruction() {
         let now = board.machine().now();
         board.machine_mut().chip_mut().set_pin((1, 12), Some(false));
         let chip = board.machine().chip();
-        assert_eq!(bridge::of(chip), Ok(hil_sim::rig::Bridge::Off), "at {now}");
+        assert_eq!(bridge::of(chip), Ok(hil_world::rig::Bridge::Off), "at {now}");
         assert_eq!(board.machine().cpu.counts.instructions, before, "no instruction");
         bench.wait_us(51);
     }

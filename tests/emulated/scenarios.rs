@@ -3,10 +3,11 @@
 use std::iter::once;
 
 use board_emu::session::{Nodes, Session, buses, run};
-use hil_sim::over_can::compare::{Difference, Path};
-use hil_sim::over_can::{POLL_MS, judge};
-use hil_sim::scenario::{SHIPPED, Scenario};
-use hil_sim::{Model, Options};
+use hil_experiment::over_can::compare::{Difference, Path};
+use hil_experiment::over_can::{POLL_MS, judge};
+use hil_experiment::run::Options;
+use hil_experiment::scenario::{SHIPPED, Scenario};
+use hil_world::plant::Model;
 
 use super::bench::production;
 use crate::over_can::native_at;

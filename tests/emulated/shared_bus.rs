@@ -3,10 +3,10 @@
 use board_emu::board::Board;
 use board_emu::chip::uid::Uid;
 use board_emu::session::load;
-use hil_sim::board::SimBoard;
-use hil_sim::bus::{Adapter, Bus, Station};
-use hil_sim::node::Node;
-use hil_sim::plant::{Model, SharedSupply, Supply};
+use hil_world::board::SimBoard;
+use hil_world::bus::{Adapter, Bus, Station};
+use hil_world::node::Node;
+use hil_world::plant::{Model, SharedSupply, Supply};
 use tater_wire::download::START;
 use tater_wire::{Destination, Group, Message, Property};
 

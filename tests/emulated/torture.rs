@@ -6,13 +6,13 @@ use board_emu::board::Board;
 use board_emu::image::Programs;
 use board_emu::session::load;
 use god::Memory;
-use hil_sim::hand::Hand;
-use hil_sim::torture::case::{Case, MOTORS};
-use hil_sim::torture::fault::{Subject, node_of};
-use hil_sim::torture::kinds::{FaultKind, Kinds};
-use hil_sim::torture::play::{rig, with_scene};
-use hil_sim::torture::program::Act;
-use hil_sim::torture::{Outcome, native, play};
+use hil_torture::case::{Case, MOTORS};
+use hil_torture::fault::{Subject, node_of};
+use hil_torture::kinds::{FaultKind, Kinds};
+use hil_torture::play::{rig, with_scene};
+use hil_torture::program::Act;
+use hil_torture::{Outcome, native, play};
+use hil_world::hand::Hand;
 
 use super::bench::production;
 
@@ -129,7 +129,7 @@ fn native_and_emulated_verdicts_agree() {
 #[test]
 fn sample_has_every_kind_of_fault_of_an_emulated_board() {
     let found: BTreeSet<FaultKind> = sample().into_iter().flat_map(kinds).collect();
-    let rows = hil_sim::torture::kinds::ROWS.iter().map(|row| row.kind);
+    let rows = hil_torture::kinds::ROWS.iter().map(|row| row.kind);
     let expected: BTreeSet<FaultKind> = rows.filter(|&kind| !NATIVE.meets(Kinds::of(&[kind]))).collect();
     assert_eq!(found, expected);
     assert!(sample().len() <= 10, "{:?} take longer than a minute", sample());

@@ -6,15 +6,16 @@ use std::time::Duration;
 
 use board_emu::board::Board as Emulated;
 use board_emu::session::load;
-use hil_sim::apply::{Board, Change, Present, compare, meet, write};
+use commission::apply::{Board, Change, Present, compare, meet, write};
+use commission::excite::{Link, csv, excite};
 use hil_sim::cli::execute;
-use hil_sim::excite::{Link, csv, excite};
-use hil_sim::identify::{Estimate, Recording, identify};
-use hil_sim::plant::{Heat, PlantParams, Start};
-use hil_sim::rig::{Rig, RigParams};
 use hil_sim::simulated::Simulated;
-use hil_sim::tuned::Tuned;
-use hil_sim::{Model, MotorKind};
+use hil_tuning::identify::{Estimate, Recording, identify};
+use hil_tuning::tuned::Tuned;
+use hil_world::plant::Model;
+use hil_world::plant::{Heat, PlantParams, Start};
+use hil_world::rig::{Rig, RigParams};
+use tater_wire::MotorKind;
 use tater_wire::{Cmd, Destination, EndCode, Message, Property};
 
 use super::bench::{id, production};

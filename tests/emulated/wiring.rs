@@ -3,8 +3,8 @@
 use board_emu::board::Board;
 use board_emu::image::Programs;
 use board_emu::session::load;
-use hil_sim::board::SimBoard;
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::plant::Model;
 use tater_wire::find::FindState;
 use tater_wire::memory::STORAGE;
 use tater_wire::{EndCode, FaultCode, Property};

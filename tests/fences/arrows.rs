@@ -11,7 +11,26 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 14] = [
+/// What ARCHITECTURE.md calls "all libraries".
+const LIBRARIES: &[&str] = &[
+    "servo-core",
+    "tater-wire",
+    "tater-fw",
+    "god",
+    "kinematics",
+    "traces",
+    "charts",
+    "wraptor",
+    "commission",
+    "hil-world",
+    "hil-experiment",
+    "hil-torture",
+    "hil-tuning",
+    "hil-sim",
+    "board-emu",
+];
+
+const ARROWS: [Arrows; 21] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -56,15 +75,62 @@ const ARROWS: [Arrows; 14] = [
         ours: &["tater-wire", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
     },
+    // Tables and their formats: parquet with bytes, mcap. strsim: misspelt names. serde(_json): what formats keep beside the rows.
+    Arrows {
+        package: "traces",
+        ours: &[],
+        others: Some(&["bytes", "mcap", "parquet", "serde", "serde_json", "strsim"]),
+    },
+    // serde(_json): charts for their program in the page.
+    Arrows { package: "charts", ours: &[], others: Some(&["serde", "serde_json"]) },
+    // Real boards, never the simulator.
+    Arrows { package: "commission", ours: &["tater-wire", "traces"], others: Some(&["rand", "rand_pcg"]) },
+    // flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
+    Arrows {
+        package: "hil-world",
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics"],
+        others: Some(&["fixed (dev)", "flate2", "proptest (dev)", "rand", "rand_pcg", "serde"]),
+    },
+    // toml: scenarios. flate2: recordings. fixed: estimates of a replay.
+    Arrows {
+        package: "hil-experiment",
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "traces", "hil-world"],
+        others: Some(&["fixed", "flate2", "rand", "rand_pcg", "serde", "serde_json", "toml"]),
+    },
+    // wraptor: lines of SLCAN.
+    Arrows {
+        package: "hil-torture",
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "wraptor", "hil-world", "hil-experiment"],
+        others: Some(&["rand", "rand_pcg", "serde"]),
+    },
+    // cmaes: the search. num-complex: frequency responses. rayon: threads, with results in order.
+    Arrows {
+        package: "hil-tuning",
+        ours: &["servo-core", "tater-wire", "tater-fw", "traces", "charts", "hil-world", "hil-experiment"],
+        others: Some(&["cmaes", "num-complex", "rand", "rand_pcg", "rayon", "serde", "serde_json", "toml"]),
+    },
     Arrows {
         package: "hil-sim",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"],
+        ours: &[
+            "servo-core",
+            "tater-wire",
+            "tater-fw",
+            "god",
+            "traces",
+            "charts",
+            "wraptor",
+            "commission",
+            "hil-world",
+            "hil-experiment",
+            "hil-torture",
+            "hil-tuning",
+        ],
         others: None,
     },
     // The Python wheel. pyo3, numpy: its module and arrays. serde_json: results of runs on their way to dictionaries.
     Arrows {
         package: "wraptor-py",
-        ours: &["tater-wire", "god", "hil-sim", "wraptor"],
+        ours: &["tater-wire", "god", "traces", "wraptor", "hil-world", "hil-experiment"],
         others: Some(&["numpy", "pyo3", "serde_json"]),
     },
     // The C library.
@@ -76,25 +142,16 @@ const ARROWS: [Arrows; 14] = [
         ours: &["tater-wire", "god", "wraptor"],
         others: Some(&["clap", "ctrlc", "rustix", "rustyline", "serde_json"]),
     },
-    // board-emu gets the program as bytes: of ours it needs only the simulated world.
-    Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
+    // board-emu gets the program as bytes: of ours it needs only the simulated world, what runs and torments it, and options of sockets.
     Arrows {
-        package: "system-tests",
-        ours: &[
-            "servo-core",
-            "tater-wire",
-            "tater-fw",
-            "god",
-            "hil-sim",
-            "board-emu",
-            "wraptor",
-            "kinematics",
-        ],
+        package: "board-emu",
+        ours: &["tater-wire", "wraptor", "hil-world", "hil-experiment", "hil-torture"],
         others: None,
     },
+    Arrows { package: "system-tests", ours: LIBRARIES, others: None },
     Arrows {
         package: "tater-fuzz",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-world", "hil-sim"],
         others: None,
     },
     // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images.
@@ -161,6 +218,52 @@ fn crates_have_only_allowed_dependencies() {
     assert_none(
         &files("toml").iter().filter(|f| f.path.ends_with("Cargo.toml")).flat_map(arrows).collect::<Vec<_>>(),
     );
+}
+
+/// The rows of the table "Which crate may import which", each with its line, its crate and what that imports.
+fn table(page: &Source) -> Vec<(usize, &str, Vec<&str>)> {
+    let rows = page.text.lines().enumerate().skip_while(|(_, line)| *line != "| crate | imports |").skip(2);
+    rows.map_while(|(index, line)| {
+        let (name, ours) = line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | ")?;
+        let ours = match ours {
+            "none" => Vec::new(),
+            "all libraries" => LIBRARIES.to_vec(),
+            ours => ours.split(", ").collect(),
+        };
+        Some((index + 1, name, ours))
+    })
+    .collect()
+}
+
+/// The table of ARCHITECTURE.md is the one above.
+fn described(page: &Source) -> Vec<Violation> {
+    let rows = table(page);
+    let wrong = |(line, name, ours): &(usize, &str, Vec<&str>)| {
+        let rule = ARROWS.iter().find(|rule| rule.package == *name);
+        let holds = rule.is_some_and(|rule| {
+            rule.ours.len() == ours.len() && rule.ours.iter().all(|name| ours.contains(name))
+        });
+        (!holds).then(|| {
+            page.violation(
+                *line,
+                format!("{name}: tests/fences/arrows.rs has {:?}", rule.map(|rule| rule.ours)),
+            )
+        })
+    };
+    let missing = ARROWS.iter().filter(|rule| rows.iter().all(|(_, name, _)| *name != rule.package));
+    let missing =
+        missing.map(|rule| page.violation(1, format!("{}: not in the table of crates", rule.package)));
+    rows.iter().filter_map(wrong).chain(missing).collect()
+}
+
+#[test]
+fn table_of_crates_is_what_they_import() {
+    let pages = files("md");
+    let page = pages.iter().find(|page| page.path == "ARCHITECTURE.md").expect("the page");
+    assert_none(&described(page));
+    let wrong = |from: &str, to: &str| described(&Source::new("A.md", &page.text.replace(from, to))).len();
+    assert_eq!(wrong("| god | tater-wire |", "| god | tater-wire, wraptor |"), 1, "an arrow too many");
+    assert_eq!(wrong("| god | tater-wire |\n", ""), 1, "a crate that is missing");
 }
 
 #[test]

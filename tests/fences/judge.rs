@@ -4,15 +4,15 @@ use super::tokens::tokens;
 use super::{Source, Violation, check_fence, check_workspace};
 
 /// The judge's file and folder, and the crates whose names it may not have.
-const JUDGE: &str = "hil-sim/src/experiment/torture/invariant.rs";
-const FOLDER: &str = "hil-sim/src/experiment/torture/invariant/";
+const JUDGE: &str = "hil-sim/torture/src/invariant.rs";
+const FOLDER: &str = "hil-sim/torture/src/invariant/";
 const JUDGED: [&str; 3] = ["servo_core", "tater_fw", "god"];
 
 /// The only file of the judge that names kinds of fault: it has a reason for each.
-const EXCUSES: &str = "hil-sim/src/experiment/torture/invariant/excuse.rs";
+const EXCUSES: &str = "hil-sim/torture/src/invariant/excuse.rs";
 
 /// The one file that translates for the judge.
-const TRANSLATOR: &str = "hil-sim/src/experiment/torture/observe.rs";
+const TRANSLATOR: &str = "hil-sim/torture/src/observe.rs";
 
 fn violations(source: &Source) -> Vec<Violation> {
     if source.path != JUDGE && !source.path.starts_with(FOLDER) {
@@ -51,7 +51,7 @@ fn judge_knows_nothing_of_what_it_judges() {
                 "use servo_core::mode::Mode;",
                 "fn f() { tater_fw::g() }",
                 "use god::io::ABORT;",
-                "use crate::experiment::torture::kinds::{FaultKind, Kinds};",
+                "use crate::kinds::{FaultKind, Kinds};",
             ],
             &["// god\nuse tater_wire::Property;"],
         );
@@ -60,6 +60,6 @@ fn judge_knows_nothing_of_what_it_judges() {
         violations,
         EXCUSES,
         &["use servo_core::mode::Mode;"],
-        &["use crate::experiment::torture::kinds::{FaultKind as F, Kinds};"],
+        &["use crate::kinds::{FaultKind as F, Kinds};"],
     );
 }

@@ -307,7 +307,7 @@ fn method_fence_finds_each_violation() {
         &[&of(board, 10), &of(motor, 10), &of("impl Flash for Metal", 41), &method(41)],
         &[&of(board, 9), &of("impl Flash for Metal", 40), &of("impl<M: Motor> Metal<M>", 40)],
     );
-    check_fence(long_method, "hil-sim/src/world/board.rs", &[], &[&of(board, 10)]);
+    check_fence(long_method, "hil-sim/world/src/board.rs", &[], &[&of(board, 10)]);
 }
 
 #[test]

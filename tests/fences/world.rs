@@ -1,6 +1,6 @@
-//! Reproducible tests and simulations: no clock, no sleep, floors of the simulator, no work skipped silently.
+//! Reproducible tests and simulations: no clock, no sleep, the outside passed in, no work skipped silently.
 
-use super::tokens::{Token, closing, reads, scan, scan_tokens, tokens, without_tests};
+use super::tokens::{closing, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
 /// Sleeping makes tests slow, and fail on a busy machine.
@@ -23,27 +23,26 @@ fn clock(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// The floors of hil-sim, the lowest first, each with what of std and of other crates it does without.
-const FLOORS: [(&str, &[&str], &[&str]); 4] = [
-    ("world", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
-    ("experiment", &["env", "net", "os", "process", "thread", "time"], &TERMINALS),
-    ("tuning", &["env", "fs", "net", "os", "process", "time"], &TERMINALS),
-    ("ports", &[], &[]),
+/// Crates of the simulator and of its tools, each with what of std and of other crates it does without: which of ours it may import
+/// is in [`super::arrows`].
+const INSIDE: [(&str, &[&str], &[&str]); 7] = [
+    ("hil-sim/world/src", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("hil-sim/experiment/src", &["env", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("hil-sim/torture/src", &["env", "fs", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("hil-sim/tuning/src", &["env", "fs", "net", "os", "process", "time"], &TERMINALS),
+    ("commission/src", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("traces/src", &["env", "fs", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("charts/src", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
 ];
 
 const TERMINALS: [&str; 8] =
     ["clap", "eprint", "eprintln", "indicatif", "print", "println", "rustix", "socketcan"];
 
-/// Each floor imports itself and those below it, and nothing of the outside above `ports`.
-fn floors(source: &Source) -> Vec<Violation> {
-    let Some(path) = source.path.strip_prefix("hil-sim/src/").and_then(|path| path.strip_suffix(".rs"))
-    else {
+/// Nothing of the outside, which only programs have: who calls these crates passes it in.
+fn outside(source: &Source) -> Vec<Violation> {
+    let Some((name, std, others)) = INSIDE.iter().find(|(folder, ..)| source.is_in(folder)) else {
         return Vec::new();
     };
-    let modules: Vec<&str> = path.split('/').filter(|module| *module != "mod").collect();
-    let Some(floor) = FLOORS.iter().position(|(name, ..)| *name == modules[0]) else { return Vec::new() };
-    let (name, std, others) = FLOORS[floor];
-    let below = &FLOORS[..=floor];
     let tokens = match tokens(source) {
         Ok(tokens) => without_tests(tokens),
         Err(violation) => return vec![violation],
@@ -55,20 +54,6 @@ fn floors(source: &Source) -> Vec<Violation> {
         }
         let starts = at == 0 || !["::", ":", "."].contains(&tokens[at - 1].text.as_str());
         match token.text.as_str() {
-            "crate" if reads(tokens, at + 1, &[":", ":"]) => {
-                let to = tokens.get(at + 3)?.text.as_str();
-                (!below.iter().any(|(floor, ..)| *floor == to)).then(|| {
-                    format!(
-                        "crate::{to}: {name} may import only crate::{}",
-                        below.iter().map(|(floor, ..)| *floor).collect::<Vec<_>>().join(", crate::")
-                    )
-                })
-            }
-            "super" if starts => {
-                let supers = (0..).take_while(|i| reads(tokens, at + 3 * i, &["super", ":", ":"])).count();
-                (supers >= modules.len() + blocks(tokens, at))
-                    .then(|| format!("super leaves {name}: write crate:: and the floor"))
-            }
             "std" if starts && reads(tokens, at + 1, &[":", ":"]) => {
                 let first = tokens.get(at + 3)?;
                 let end = if first.text == "{" { closing(tokens, at + 3) } else { at + 4 };
@@ -82,11 +67,6 @@ fn floors(source: &Source) -> Vec<Violation> {
             }
         }
     })
-}
-
-fn blocks(tokens: &[Token], at: usize) -> usize {
-    let around = |open: &usize| reads(tokens, open + 2, &["{"]) && closing(tokens, open + 2) > at;
-    (0..at).filter(|open| tokens[*open].text == "mod").filter(around).count()
 }
 
 fn unfinished(source: &Source) -> Vec<Violation> {
@@ -126,11 +106,11 @@ fn nothing_reads_a_clock() {
 }
 
 #[test]
-fn floors_of_the_simulator_import_downwards() {
-    check_workspace(floors);
-    for (floor, ..) in FLOORS {
-        let path = format!("hil-sim/src/{floor}.rs");
-        assert!(files("rs").iter().any(|file| file.path == path), "no {path}: its fence guards nothing");
+fn only_programs_know_the_outside() {
+    check_workspace(outside);
+    for (folder, ..) in INSIDE {
+        let root = format!("{folder}/lib.rs");
+        assert!(files("rs").iter().any(|file| file.path == root), "no {root}: its fence guards nothing");
     }
 }
 
@@ -159,7 +139,7 @@ fn clock_fence_finds_each_violation() {
     let now = "fn f() { std::time::Instant::now(); }";
     check_fence(
         clock,
-        "hil-sim/src/experiment/trace.rs",
+        "hil-sim/experiment/src/trace.rs",
         &[now, "use std::time::SystemTime;"],
         &["/// Instant\nfn f() {}"],
     );
@@ -169,17 +149,11 @@ fn clock_fence_finds_each_violation() {
 }
 
 #[test]
-fn floor_fence_finds_each_breach() {
+fn outside_fence_finds_each_breach() {
     check_fence(
-        floors,
-        "hil-sim/src/world/hand.rs",
+        outside,
+        "hil-sim/world/src/hand.rs",
         &[
-            "use crate::experiment::run::Options;",
-            "use crate::ports::keep::Keeper;",
-            "use crate::Model;",
-            "use crate::{world::bus, ports};",
-            "use super::super::experiment;",
-            "mod a { use super::super::super::ports::b; }",
             "use std::fs::File;",
             "use std::{collections::BTreeMap, io::Write};",
             "fn f() { std::net::TcpStream::connect(a); }",
@@ -189,26 +163,19 @@ fn floor_fence_finds_each_breach() {
             "use indicatif::ProgressBar;",
         ],
         &[
-            "use crate::world::bus::Bus; use super::bus; mod a { use super::super::bus; }",
+            "use crate::bus::Bus; use super::bus;",
             "use std::{collections::VecDeque, fmt}; use std::rc::Rc; // std::fs",
-            "fn f(print: u8) { a.print(); b::print::c(); \"crate::ports\"; }",
+            "fn f(print: u8) { a.print(); b::print::c(); \"std::fs\"; }",
         ],
     );
     check_fence(
-        floors,
-        "hil-sim/src/experiment/run.rs",
-        &["use crate::ports::output::print;", "use std::net::UdpSocket;", "fn f() { eprintln!(); }"],
-        &["use crate::world::bus::Bus; use crate::experiment::trace; use std::io::Write;"],
+        outside,
+        "hil-sim/experiment/src/run.rs",
+        &["use std::net::UdpSocket;", "fn f() { eprintln!(); }"],
+        &["use hil_world::bus::Bus; use std::io::Write;"],
     );
-    let any = "use crate::{world, experiment}; use std::net::TcpStream; fn f() { println!(); }";
-    check_fence(
-        floors,
-        "hil-sim/src/ports/tcp.rs",
-        &["use crate::Model;", any],
-        &["use std::net::TcpStream; fn f() { println!(); }"],
-    );
-    check_fence(floors, "hil-sim/src/lib.rs", &[], &["pub use ports::cli; use crate::Model;"]);
-    check_fence(floors, "board-emu/src/world/a.rs", &[], &["use std::net::TcpStream;"]);
+    let any = "use hil_world::bus; use std::net::TcpStream; fn f() { println!(); }";
+    check_fence(outside, "hil-sim/src/tcp.rs", &[], &[any]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Longest times from a command to its prompt, and motors whose boards refuse an order.
 
-use hil_sim::node::Node;
-use hil_sim::torture::deadline::command_us;
+use hil_torture::deadline::command_us;
+use hil_world::node::Node;
 use servo_core::mode::Mode;
 use tater_fw::Tater;
 

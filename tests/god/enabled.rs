@@ -1,7 +1,7 @@
 //! EN: which motors a command without a prefix moves, sets and prints, for every command and every combination of link and tip.
 
-use hil_sim::hand::Hand;
-use hil_sim::plant::Model;
+use hil_world::hand::Hand;
+use hil_world::plant::Model;
 
 use super::Session;
 use super::faults::saved;

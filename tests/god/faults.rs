@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use hil_sim::hand::Hand;
-use hil_sim::hand::state::State;
-use hil_sim::plant::Model;
+use hil_world::hand::Hand;
+use hil_world::hand::state::State;
+use hil_world::plant::Model;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 use tater_fw::Board;
@@ -14,7 +14,7 @@ use tater_fw::Board;
 use super::Session;
 use super::deadlines::{ABORT_US, SHARE_US};
 use super::movement::{TOLERANCE, counts};
-use hil_sim::torture::deadline::command_us;
+use hil_torture::deadline::command_us;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {

@@ -9,7 +9,7 @@ mod programs;
 mod watch;
 
 use client::{Client, Figure};
-use hil_sim::torture::lines;
+use hil_torture::lines;
 use rand::RngExt;
 
 const ANY: u64 = 6_000_000;

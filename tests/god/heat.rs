@@ -19,7 +19,7 @@ fn copper_j(session: &Session) -> f64 {
     session.hand.bus().stations().map(|node| node.board().rig().truth().ledger.copper_j).sum()
 }
 
-/// The constants are those of `hil_sim::hand::palm`: 900 J/K, 1 K/W, 35.0 °C at rest.
+/// The constants are those of `hil_world::hand::palm`: 900 J/K, 1 K/W, 35.0 °C at rest.
 #[test]
 fn temperature_follows_the_copper_losses() {
     let mut session = Session::new();

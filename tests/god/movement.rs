@@ -8,10 +8,10 @@ mod homing;
 mod refusals;
 mod silence;
 
-use hil_sim::board::SimBoard;
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
-use hil_sim::rig::{Object, RigParams, Side};
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
+use hil_world::rig::{Object, RigParams, Side};
 use servo_core::{Config, Telemetry};
 use tater_wire::{Destination, Message, Property};
 

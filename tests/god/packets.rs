@@ -1,6 +1,6 @@
 //! Packets of the host, in every state of GOD (docs/wire.md, decision 0055).
 
-use hil_sim::hand::serial::Serial;
+use hil_world::hand::serial::Serial;
 use servo_core::mode::Mode;
 use tater_wire::{Destination, Frame, Group, Message, Node, Property};
 

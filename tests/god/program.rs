@@ -1,9 +1,9 @@
 //! Scripts as `hil-sim gcl` types them.
 
 use god::Memory;
-use hil_sim::hand::Hand;
-use hil_sim::plant::Model;
-use hil_sim::typist::{Reply, Typist};
+use hil_experiment::typist::{Reply, Typist};
+use hil_world::hand::Hand;
+use hil_world::plant::Model;
 
 fn typist() -> Typist {
     let (typist, hello) = Typist::new(Hand::new(Model::Averaged, 1, Memory::default())).expect("it prompts");

@@ -1,8 +1,8 @@
 //! Two boards with one number: the hand names them, moves neither, and the documented ways lead out (docs/hand.md).
 
-use hil_sim::board::SimBoard;
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use tater_wire::Node as Id;
 
 use super::Session;

@@ -2,9 +2,9 @@
 
 use god::Memory;
 use god::memory::Stored;
-use hil_sim::hand::Hand;
-use hil_sim::hand::state::State;
-use hil_sim::plant::Model;
+use hil_world::hand::Hand;
+use hil_world::hand::state::State;
+use hil_world::plant::Model;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::{Body, Destination, Message, Node, Property};

@@ -1,11 +1,11 @@
 //! Grasps: a hand with objects between its fingers.
 
 use god::Memory;
-use hil_sim::grasp;
-use hil_sim::hand::Hand;
-use hil_sim::hand::scene::{Scene, gap};
-use hil_sim::plant::Model;
-use hil_sim::typist::Typist;
+use hil_experiment::grasp;
+use hil_experiment::typist::Typist;
+use hil_world::hand::Hand;
+use hil_world::hand::scene::{Scene, gap};
+use hil_world::plant::Model;
 
 const BALL: &str = include_str!("../../hil-sim/grasps/ball.toml");
 

@@ -4,7 +4,7 @@
 //! two before `=> `.
 
 use god::Memory;
-use hil_sim::hand::Motorized;
+use hil_world::hand::Motorized;
 
 use board_emu::hand::boards;
 

@@ -1,8 +1,8 @@
 //! A driver for the BH8-282: its GETs have two bytes, and it reads the answer half a millisecond later, without a time limit. Sleeps in place
 //! of polls. Compared with the plant.
 
-use hil_sim::bus::Station;
-use hil_sim::hand::Motorized;
+use hil_world::bus::Station;
+use hil_world::hand::Motorized;
 
 use super::can::{HAND, Host, SPREAD, emulated_280, native_280};
 use crate::emulated::bench::production;

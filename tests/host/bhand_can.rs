@@ -1,8 +1,8 @@
 //! Barrett's API 4.4.3 for the BH8-280 by CAN: it sends as node 6, so that answers come as a SET of VALUE to node 6. Compared with the
 //! plant.
 
-use hil_sim::bus::Station;
-use hil_sim::hand::Motorized;
+use hil_world::bus::Station;
+use hil_world::hand::Motorized;
 
 use super::can::{FINGERS, HAND, Host, SPREAD, emulated_280, native_280};
 use crate::emulated::bench::production;

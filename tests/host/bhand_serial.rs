@@ -2,7 +2,7 @@
 //! Compared with the plant.
 
 use god::Memory;
-use hil_sim::hand::Motorized;
+use hil_world::hand::Motorized;
 
 use board_emu::hand::boards;
 

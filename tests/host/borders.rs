@@ -1,6 +1,6 @@
 //! Frames of hosts that were written for another hand: what they mean here, on native and emulated boards.
 
-use hil_sim::bus::Station;
+use hil_world::bus::Station;
 
 use super::can::{GROUP, Host, emulated, native};
 use crate::emulated::bench::production;

@@ -1,6 +1,6 @@
 //! btutil: lists, renumbers and downloads. It waits for each answer and each request without a time limit.
 
-use hil_sim::bus::Station;
+use hil_world::bus::Station;
 use tater_wire::FaultCode;
 use tater_wire::memory::APPLICATION;
 
@@ -136,7 +136,7 @@ fn native_board_refuses_a_foreign_file_and_lets_its_host_finish() {
     let mut host = native(&[14]);
     refuses_a_foreign_file(&mut host, 14);
     // A damaged record in the middle of a file for this board.
-    let mut damaged = file(&hil_sim::node::placeholder_application());
+    let mut damaged = file(&hil_world::node::placeholder_application());
     let middle = damaged.len() / 2;
     let digit = (middle..).find(|&at| damaged[at].is_ascii_digit()).expect("a digit");
     damaged[digit] ^= 1;

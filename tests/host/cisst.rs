@@ -1,7 +1,7 @@
 //! cisst's BH8_280: checks what it sets, sends HI to all motors at once, reads positions of the group. Its joints open to the positive, with
 //! a ratio of its own: 129.1 instead of 125. Compared with the plant.
 
-use hil_sim::hand::Motorized;
+use hil_world::hand::Motorized;
 
 use super::can::{GROUP, HAND, Host, SPREAD, emulated_280, native_280};
 use crate::emulated::bench::production;

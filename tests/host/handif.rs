@@ -2,7 +2,7 @@
 //! two bytes of position, a byte each 20 ms and a second for a block. Compared with the plant.
 
 use god::Memory;
-use hil_sim::hand::Motorized;
+use hil_world::hand::Motorized;
 
 use board_emu::hand::boards;
 

@@ -3,8 +3,8 @@
 
 use std::f64::consts::TAU;
 
-use hil_sim::bus::Station;
-use hil_sim::hand::Motorized;
+use hil_world::bus::Station;
+use hil_world::hand::Motorized;
 use tater_wire::property::barrett;
 use tater_wire::{Body, Destination, Group, Message, Node as Id, Torques};
 

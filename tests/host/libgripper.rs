@@ -5,8 +5,8 @@
 //! each motor, then one byte of temperature.
 
 use god::Memory;
-use hil_sim::hand::Motorized;
-use hil_sim::node::Node;
+use hil_world::hand::Motorized;
+use hil_world::node::Node;
 
 use board_emu::hand::boards;
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use board_emu::hand::{boards, serve};
 use board_emu::image::Programs;
 use god::Memory;
-use hil_sim::hand::{Hand as Simulated, Motorized};
+use hil_world::hand::{Hand as Simulated, Motorized};
 use tater_wire::{Node, Property};
 use wraptor::{BoardState, Boards, Connect, Control, DownloadProgress, Firmware, Format, Hand, no_progress};
 

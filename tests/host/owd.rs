@@ -1,8 +1,8 @@
 //! OWD's hand: encoder counts of 199,111.1 for 140° of a finger and 35,840 for 180° of the spread, polls of MODE, TEMP and THERM to group
 //! 5. Compared with the plant.
 
-use hil_sim::bus::Station;
-use hil_sim::hand::Motorized;
+use hil_world::bus::Station;
+use hil_world::hand::Motorized;
 
 use super::can::{FINGERS, GROUP, HAND, Host, SPREAD, emulated, emulated_280, native, native_280};
 use crate::emulated::bench::production;

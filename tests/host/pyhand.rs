@@ -1,6 +1,6 @@
 //! pyHand: orders to nodes 11 to 14 and group 5, and sleeps in place of polls. It takes the next frame for the answer to a GET.
 
-use hil_sim::bus::Station;
+use hil_world::bus::Station;
 use tater_wire::property::barrett;
 
 use super::can::{ALL, FINGERS, GROUP, HAND, Host, SPREAD, emulated, native};

@@ -25,11 +25,12 @@ plant.inertia = { from = "0.7x", to = "1.4x" }
 
 # The module that writes each kind of page, and a page of it below. A kind without one fails the check.
 KINDS = {
-    "experiment/report/page.rs": ["a/report.html", "ident/residuals.html"],
-    "tuning/compare.rs": ["compare.html"],
-    "tuning/sweep/report.rs": ["sweep/report.html"],
-    "ports/tune_report.rs": ["tune/report.html"],
-    "tuning/bode/page.rs": ["bode/bode.html"],
+    "hil-sim/src/page.rs": ["a/report.html"],
+    "hil-sim/src/identify.rs": ["ident/residuals.html"],
+    "hil-sim/tuning/src/compare.rs": ["compare.html"],
+    "hil-sim/tuning/src/sweep/report.rs": ["sweep/report.html"],
+    "hil-sim/src/tune_report.rs": ["tune/report.html"],
+    "hil-sim/tuning/src/bode/page.rs": ["bode/bode.html"],
 }
 
 CHARTS = "[...document.querySelectorAll('figure[data-chart]')]"
@@ -276,12 +277,12 @@ def no_script(browser, path):
 def kinds(root):
     """The modules that write pages."""
     found = set()
-    for folder, _, names in os.walk(os.path.join(root, "hil-sim/src")):
+    for folder, _, names in os.walk(os.path.join(root, "hil-sim")):
         for name in names:
             path = os.path.join(folder, name)
             text = open(path, encoding="utf-8").read().split("mod tests")[0]
             if name.endswith(".rs") and "Sheet::new(" in text:
-                found.add(os.path.relpath(path, os.path.join(root, "hil-sim/src")))
+                found.add(os.path.relpath(path, root))
     return found
 
 

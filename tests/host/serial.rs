@@ -1,11 +1,11 @@
 //! A program's serial port: bytes take their time at the program's baud rate, and every read has the program's timeout.
 
 use god::Memory;
-use hil_sim::board::SimBoard;
-use hil_sim::hand::serial::Serial;
-use hil_sim::hand::{Hand, Motorized};
-use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::hand::serial::Serial;
+use hil_world::hand::{Hand, Motorized};
+use hil_world::node::Node;
+use hil_world::plant::Model;
 use tater_wire::Node as Id;
 
 /// Native boards in their monitors, nodes 1 to 7.

@@ -2,7 +2,7 @@
 //! answer, and sends motions one behind the other without waiting. Compared with the plant.
 
 use god::Memory;
-use hil_sim::hand::Motorized;
+use hil_world::hand::Motorized;
 
 use board_emu::hand::boards;
 

@@ -1,8 +1,8 @@
 //! The emulated board's front end against the firmware's reading of it.
 
 use board_emu::analog::FrontEnd;
-use hil_sim::Model;
-use hil_sim::board::SimBoard;
+use hil_world::board::SimBoard;
+use hil_world::plant::Model;
 use tater_fw::bsp::scale;
 use tater_wire::Node;
 

@@ -1,8 +1,8 @@
 //! Every accepted plant conserves energy and stays finite.
 
 use super::{any_kind, any_model, at, coast, run};
-use hil_sim::plant::{Model, PlantParams};
-use hil_sim::rig::{Rig, RigParams};
+use hil_world::plant::{Model, PlantParams};
+use hil_world::rig::{Rig, RigParams};
 use proptest::prelude::*;
 use tater_wire::MotorKind;
 

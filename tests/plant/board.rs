@@ -1,8 +1,8 @@
 //! The board's view of the plant: hall edges, brake, analog readings.
 
 use super::{MODELS, at, close, drive, free, frictionless, rig, run};
-use hil_sim::plant::{Model, PlantParams};
-use hil_sim::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine};
+use hil_world::plant::{Model, PlantParams};
+use hil_world::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine};
 use proptest::prelude::*;
 use servo_core::sense::commutation::Bridge;
 use tater_wire::MotorKind;

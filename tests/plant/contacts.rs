@@ -1,11 +1,11 @@
 //! Contacts are passive: a joint that nothing drives never gains energy from a stop or an object.
 
-use hil_sim::board::SimBoard;
-use hil_sim::hand::Hand;
-use hil_sim::hand::scene::{Capsule, Pose, Scene, SceneObject};
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, RAD_PER_COUNT, Start};
-use hil_sim::rig::{Bridge, Rig, RigParams};
+use hil_world::board::SimBoard;
+use hil_world::hand::Hand;
+use hil_world::hand::scene::{Capsule, Pose, Scene, SceneObject};
+use hil_world::node::Node;
+use hil_world::plant::{Heat, Model, PlantParams, RAD_PER_COUNT, Start};
+use hil_world::rig::{Bridge, Rig, RigParams};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::{MotorKind, Node as Id};

@@ -1,8 +1,8 @@
 //! What a small motor has beyond the ideal one: cogging, Stribeck's friction, hysteresis and jitter of its hall sensors.
 
 use super::{at, close, coast};
-use hil_sim::plant::{Contact, Model, PlantParams, RAD_PER_COUNT};
-use hil_sim::rig::{Bridge, Rig, RigParams};
+use hil_world::plant::{Contact, Model, PlantParams, RAD_PER_COUNT};
+use hil_world::rig::{Bridge, Rig, RigParams};
 use proptest::prelude::*;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;

@@ -8,7 +8,7 @@ mod storage;
 
 use board_emu::chip::flash as chip;
 use board_emu::image::Programs;
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use tater_fw::storage::Store;
 use tater_wire::memory::FLASH;
 use tater_wire::{FaultCode, Property};

@@ -7,7 +7,7 @@ mod downloads;
 mod noise;
 pub(super) mod rig;
 
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use rig::{Host, NODE, Operation, Rig, application, flash_with, image, lines};
 use std::collections::HashSet;
 use tater_fw::monitor::Next;

@@ -4,7 +4,7 @@ mod endurance;
 mod scenarios;
 mod script;
 
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use scenarios::Scenario;
 pub(super) use script::State;
 use script::{Act, run, step, stored};

@@ -1,9 +1,9 @@
 //! Downloads over the simulated bus: by a host that works exactly like Barrett's, and by ours.
 
-use hil_sim::board::SimBoard;
-use hil_sim::bus::{Adapter, Bus, Noise, Stats};
-use hil_sim::node::{Node, placeholder_application};
-use hil_sim::plant::Model;
+use hil_world::board::SimBoard;
+use hil_world::bus::{Adapter, Bus, Noise, Stats};
+use hil_world::node::{Node, placeholder_application};
+use hil_world::plant::Model;
 use tater_wire::download::{DownloadError, Downloader, Next, START};
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, FLASH, RAM};

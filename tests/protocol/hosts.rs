@@ -1,10 +1,10 @@
 //! The sequences of Barrett's host software, over the bus, in simulated time.
 
-use hil_sim::board::SimBoard;
-use hil_sim::bus::{Adapter, Bus};
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Object, Rig, RigParams, Side};
+use hil_world::board::SimBoard;
+use hil_world::bus::{Adapter, Bus};
+use hil_world::node::Node;
+use hil_world::plant::{Heat, Model, PlantParams, Start};
+use hil_world::rig::{Object, Rig, RigParams, Side};
 use servo_core::mode::Mode;
 use tater_wire::MotorKind;
 use tater_wire::{Body, Destination, Frame, Group, Message, Node as Id, Property, Torques};

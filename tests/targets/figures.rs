@@ -3,7 +3,7 @@
 use std::fmt;
 use std::thread;
 
-use hil_sim::node::Sample;
+use hil_world::node::Sample;
 use servo_core::EndReason;
 use tater_wire::Property;
 

@@ -1,6 +1,6 @@
 //! Random moves of scattered motors: plans and new plans on the way, loads, gains and limits within what a user would set.
 
-use hil_sim::node::Sample;
+use hil_world::node::Sample;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use servo_core::EndReason;

@@ -1,6 +1,6 @@
 //! The shortest time in which a plant's motor can make a move: full torque until it must brake, then full torque against it.
 
-use hil_sim::plant::{PlantParams, RAD_PER_COUNT};
+use hil_world::plant::{PlantParams, RAD_PER_COUNT};
 
 /// Torque limit MT, 1/1024 of the torque at 24 V across the nominal winding.
 const MT: f64 = 750.0 / 1024.0;

@@ -1,6 +1,6 @@
 //! `docs/servo.svg`: what the servo does, on the nominal motor and on 40 scattered plants.
 
-use hil_sim::node::Sample;
+use hil_world::node::Sample;
 use tater_wire::Property;
 
 use super::figures::{each, torque_error};

@@ -1,8 +1,9 @@
 //! A motor on its board, and the plants to try.
 
-use hil_sim::node::{Node, Sample};
-use hil_sim::scenario::Scenario;
-use hil_sim::{Model, Options};
+use hil_experiment::run::Options;
+use hil_experiment::scenario::Scenario;
+use hil_world::node::{Node, Sample};
+use hil_world::plant::Model;
 use servo_core::{EndReason, Event};
 use tater_wire::{Destination, Message, MotorKind, Property};
 
@@ -100,12 +101,12 @@ impl Motor {
         );
         let scenario = Scenario::parse("target", &text).unwrap_or_else(|error| panic!("{error:?}\n{text}"));
         let options = Options { seed: seed.unwrap_or(1), model: Model::Averaged, trace: false };
-        let node = hil_sim::board(&scenario, &scenario.cases[0], &options).expect("valid");
+        let node = hil_experiment::run::board(&scenario, &scenario.cases[0], &options).expect("valid");
         Self { node, ended: None }
     }
 
     pub fn set(&mut self, property: Property, value: i64) {
-        hil_sim::set(&mut self.node, property, value).expect("an order that it takes");
+        hil_experiment::run::set(&mut self.node, property, value).expect("an order that it takes");
     }
 
     /// One millisecond.

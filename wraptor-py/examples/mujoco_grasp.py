@@ -55,7 +55,7 @@ TOLERANCE_COUNTS = 2.0
 # A free ball that moves farther has left the hand; its radius is 30 mm.
 TOLERANCE_MM = 10.0
 
-# hil-sim/src/experiment/grasp.rs, STIFFNESS_N_M.
+# hil-sim/experiment/src/grasp.rs, STIFFNESS_N_M.
 STIFFNESS_N_M = 2e5
 # Half of critical for the rotor of a link, 70 mm from its joint: sqrt(2e5 N/m * 2e-5 kg m2) / (0.07 m / 49).
 DAMPING_N_S_M = 1400.0

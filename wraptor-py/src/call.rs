@@ -6,12 +6,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use hil_sim::input::did_you_mean;
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBool, PyByteArray, PyBytes, PyInt, PyMemoryView};
 use tater_wire::property::ROWS;
+use traces::input::did_you_mean;
 use wraptor::{Deadline, DownloadProgress, Node, Progress, Property};
 
 use crate::errors;

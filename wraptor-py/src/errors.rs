@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use hil_sim::input::BadInput;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
+use traces::input::BadInput;
 use wraptor::{CallError, ConnectError, Failure};
 
 /// A class of `_errors.py`.

@@ -1,7 +1,7 @@
 use super::*;
-use hil_sim::Model;
-use hil_sim::board::SimBoard;
-use hil_sim::rig::Bridge;
+use hil_world::board::SimBoard;
+use hil_world::plant::Model;
+use hil_world::rig::Bridge;
 use tater_wire::Node;
 
 fn rig() -> Rig {
@@ -53,7 +53,7 @@ fn thermistor_codes_match_the_beta_equation() {
 
 #[test]
 fn largest_phase_current_is_kept_until_read() {
-    use hil_sim::rig::{Leg, duty};
+    use hil_world::rig::{Leg, duty};
     let (mut rig, mut front_end) = (rig(), FrontEnd::new());
     let bridge = Bridge::On { legs: [Leg::Pwm, Leg::Low, Leg::Float], duty: duty(900, 1800) };
     rig.advance(bridge, false, 300);

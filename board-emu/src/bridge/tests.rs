@@ -1,7 +1,7 @@
 use super::*;
 use crate::chip::{Chip, Peripheral};
-use hil_sim::Model;
-use hil_sim::board::SimBoard;
+use hil_world::board::SimBoard;
+use hil_world::plant::Model;
 use tater_wire::Node;
 
 const TIM1: u32 = 0x4001_2C00;

@@ -16,7 +16,7 @@ use crate::time::{NEVER, Time, US};
 use errors::Errors;
 use fifo::Fifo;
 use filters::Filters;
-use hil_sim::bus::bits;
+use hil_world::bus::bits;
 use mailboxes::Mailboxes;
 use tater_wire::Frame;
 

@@ -253,7 +253,7 @@ impl Flash {
     }
 
     /// Leaves the last operation half done, by the same rules as the simulated boards' flash
-    /// (`hil_sim::rig::flash`).
+    /// (`hil_world::rig::flash`).
     fn interrupt(&mut self) {
         let Some(Begun { number, at, old, erase }) = self.last.take() else { return };
         let mut rng = Pcg64Mcg::new(u128::from(self.seed) << 64 | u128::from(number));

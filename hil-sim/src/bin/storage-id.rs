@@ -6,7 +6,7 @@
 use std::io::{self, Read, Write};
 use std::process::ExitCode;
 
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use tater_fw::storage::{Progress, Store};
 use tater_wire::Property;
 use tater_wire::memory::{FLASH, STORAGE};

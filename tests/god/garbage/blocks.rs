@@ -3,7 +3,7 @@
 use rand::RngExt;
 
 use super::client::Client;
-use hil_sim::torture::lines::one;
+use hil_torture::lines::one;
 
 const AXES: [(&str, usize); 8] =
     [("", 4), ("G", 3), ("S", 1), ("12", 2), ("X1234567", 7), ("XGS", 7), ("X5", 1), ("X35", 2)];

@@ -2,9 +2,9 @@
 
 use god::Memory;
 use god::io::ABORT;
-use hil_sim::grasp;
-use hil_sim::hand::Hand;
-use hil_sim::plant::Model;
+use hil_experiment::grasp;
+use hil_world::hand::Hand;
+use hil_world::plant::Model;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 

@@ -12,9 +12,9 @@ use god::command::{Category, GclCommand};
 use rand::RngExt;
 
 use super::client::{Client, Figure};
-use hil_sim::torture::deadline::command_us;
-use hil_sim::torture::lines::{self, one};
-use hil_sim::torture::program;
+use hil_torture::deadline::command_us;
+use hil_torture::lines::{self, one};
+use hil_torture::program;
 
 const RUN_US: u64 = 30_000_000;
 

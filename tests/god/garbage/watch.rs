@@ -13,14 +13,14 @@
 //!   motor that homes, and an impact can wedge a joint whose board is then reset (decision 0047).
 //! * GOD's queues and its transmit mailboxes neither lose nor grow.
 
-use hil_sim::MotorKind;
-use hil_sim::hand::Hand;
-use hil_sim::metrics::fault_word;
-use hil_sim::node::{Node, Sample};
-use hil_sim::plant::{PlantParams, RAD_PER_COUNT};
+use hil_experiment::metrics::fault_word;
+use hil_world::hand::Hand;
+use hil_world::node::{Node, Sample};
+use hil_world::plant::{PlantParams, RAD_PER_COUNT};
 use servo_core::guard::fault::{Fault, LimitCause};
 use servo_core::mode::Mode;
 use std::collections::BTreeSet;
+use tater_wire::MotorKind;
 
 /// Transmit mailboxes of GOD's CAN controller.
 pub const WAITING: usize = 3;

@@ -1,8 +1,8 @@
 //! RealTime that ends by an error: the status, the host's remaining bytes, and the state afterwards.
 
-use hil_sim::board::SimBoard;
-use hil_sim::plant::Model;
-use hil_sim::rig::{RigParams, StuckLine};
+use hil_world::board::SimBoard;
+use hil_world::plant::Model;
+use hil_world::rig::{RigParams, StuckLine};
 use tater_fw::Board;
 use tater_wire::Property;
 

@@ -1,9 +1,9 @@
 //! Latency from the host's bytes to the torque of seven motors, and the bus load.
 
-use hil_sim::MotorKind;
-use hil_sim::hand::Hand;
-use hil_sim::hand::serial::Serial;
+use hil_world::hand::Hand;
+use hil_world::hand::serial::Serial;
 use servo_core::units::Duty;
+use tater_wire::MotorKind;
 
 use super::super::Session;
 use super::{ALL, BLOCK_US, FEEDBACK, Host, control};
@@ -23,7 +23,7 @@ const BOUND_US: u64 = 3 * 65 + 15 * 95 + 50 + 1_000;
 /// Duty of each bridge; 0 is off, or both phases alike.
 fn duties(hand: &Hand) -> Vec<Duty> {
     let duty =
-        |node: &hil_sim::node::Node| node.application().and_then(|application| application.drive().duty);
+        |node: &hil_world::node::Node| node.application().and_then(|application| application.drive().duty);
     hand.bus().stations().map(|node| duty(node).unwrap_or_default()).collect()
 }
 
@@ -113,7 +113,7 @@ fn move_to_torque_takes_its_frames_and_a_tick() {
     let mut session = Session::new();
     assert_eq!(session.run("HI"), "");
     // The spread's brake has to release first.
-    let brake_us = 1_000 * u64::from(hil_sim::defaults(MotorKind::Spread).brake_ms);
+    let brake_us = 1_000 * u64::from(tater_fw::motion::defaults(MotorKind::Spread).brake_ms);
     // Without HOLD all bridges are off before the move; holding would change the duty all the time.
     assert_eq!(session.run("FSET HOLD 0"), "");
     for phase in 0..20 {

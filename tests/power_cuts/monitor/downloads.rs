@@ -1,7 +1,7 @@
 //! Downloads by both hosts: their bus load, and every failure.
 
 use super::rig::{Host, Rig, application, area, data, flash_with, image, line, lines};
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use tater_fw::monitor::Next;
 use tater_wire::memory::{APPLICATION, STAGING};
 use tater_wire::{FaultCode, Property};

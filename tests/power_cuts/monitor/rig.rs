@@ -1,6 +1,6 @@
 //! A monitor on simulated flash, its bus with transmission times, and the hosts at the other end.
 
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
 use std::collections::VecDeque;

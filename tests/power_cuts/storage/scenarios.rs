@@ -1,7 +1,7 @@
 //! Activities of a board at the time of a power cut.
 
 use super::script::{Act, run, stored};
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use rand::RngExt;
 use tater_fw::Flash;
 use tater_fw::storage::{Counters, Store};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use hil_sim::rig::flash::SimFlash;
+use hil_world::rig::flash::SimFlash;
 use tater_fw::storage::{Counters, LOSS, Progress, Store};
 use tater_wire::Property;
 use tater_wire::property::{ROWS, Stored};

@@ -2,10 +2,11 @@
 
 use std::sync::Mutex;
 
-use hil_sim::node::Node;
-use hil_sim::plant::ParamError;
-use hil_sim::scenario::Scenario;
-use hil_sim::{Options, SetError, set};
+use hil_experiment::run::SetError;
+use hil_experiment::run::{Options, set};
+use hil_experiment::scenario::Scenario;
+use hil_world::node::Node;
+use hil_world::plant::ParamError;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 use tater_wire::{Body, Destination, Message, Property};
@@ -116,7 +117,7 @@ fn asleep(property: Property) -> PyErr {
 pub struct Board(Mutex<Hosted>);
 
 impl Board {
-    fn truth(&self, value: fn(&hil_sim::rig::Truth) -> f64) -> f64 {
+    fn truth(&self, value: fn(&hil_world::rig::Truth) -> f64) -> f64 {
         value(&lock(&self.0).node.board().rig().truth())
     }
 }
@@ -147,7 +148,8 @@ impl Board {
             changes.apply(&mut scenario)?;
             scenario.initial.position_counts = position;
             // A scenario with a motor has a case.
-            let made = scenario.cases.first().map(|case| hil_sim::board(&scenario, case, &options));
+            let made =
+                scenario.cases.first().map(|case| hil_experiment::run::board(&scenario, case, &options));
             made.transpose().map_err(|error| match error.field {
                 "start_count" => out_of_range("Board", ParamError { field: "position", ..error }),
                 _ => out_of_range("Board", error),

@@ -7,10 +7,10 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::Builder;
 
-use hil_sim::grasp;
-use hil_sim::hand::scene::Scene;
-use hil_sim::hand::{Hand, Motorized};
-use hil_sim::typist::Typist;
+use hil_experiment::grasp;
+use hil_experiment::typist::Typist;
+use hil_world::hand::scene::Scene;
+use hil_world::hand::{Hand, Motorized};
 use numpy::{PyArray1, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -77,7 +77,7 @@ fn start(
     seed: u64,
     grasp: Option<&PathBuf>,
     contacts: bool,
-    inverter: hil_sim::Model,
+    inverter: hil_world::plant::Model,
 ) -> Result<Served, String> {
     let mut hand = Hand::new(inverter, seed, god::Memory::default());
     if contacts {

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use hil_sim::input::BadInput;
-use hil_sim::scenario::{SHIPPED, Scenario};
-use hil_sim::trace::{COLUMNS, Trace};
-use hil_sim::{Model, Options, Outcome, report};
+use hil_experiment::report;
+use hil_experiment::run::{Options, Outcome};
+use hil_experiment::scenario::{SHIPPED, Scenario};
+use hil_experiment::trace::{COLUMNS, Trace};
+use hil_world::plant::Model;
 use numpy::IntoPyArray;
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyAttributeError, PyTypeError};
@@ -13,6 +14,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyMapping};
 use serde_json::Value;
+use traces::input::BadInput;
 
 use crate::call::{path, whole_or_none};
 use crate::errors::{self, caused};
@@ -108,7 +110,7 @@ pub fn model(name: &str) -> PyResult<Model> {
 }
 
 /// A parameter out of range that a scenario's check let pass.
-pub fn out_of_range(place: &str, error: hil_sim::plant::ParamError) -> BadInput {
+pub fn out_of_range(place: &str, error: hil_world::plant::ParamError) -> BadInput {
     BadInput {
         place: place.to_owned(),
         problem: format!("{} is out of range", error.field),
@@ -156,7 +158,7 @@ pub fn run(
     let outcome = py.detach(|| {
         let mut scenario = Scenario::find(&name)?;
         changes.apply(&mut scenario)?;
-        hil_sim::run(&scenario, &options).map_err(|error| out_of_range(&name, error))
+        hil_experiment::run::run(&scenario, &options).map_err(|error| out_of_range(&name, error))
     });
     Run::of(py, outcome.map_err(errors::bad_input)?)
 }

@@ -119,7 +119,8 @@ impl Switched {
             planned.files.insert(file.clone(), text);
         }
         for name in files.keys() {
-            let root = format!("{}/src/lib.rs", name.split('/').next().unwrap_or_default());
+            let package = name.split_once("/src/").map_or("", |(package, _)| package);
+            let root = format!("{package}/src/lib.rs");
             let text = match planned.files.remove(&root) {
                 Some(text) => text,
                 None => read(&root)?,

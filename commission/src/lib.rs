@@ -1,0 +1,6 @@
+//! Real boards over their bus: what a motor is, and what its board holds. Knows no simulator: a [`excite::Link`] carries frames, and has
+//! the time.
+#![forbid(unsafe_code)]
+
+pub mod apply;
+pub mod excite;

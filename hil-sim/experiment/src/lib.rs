@@ -1,0 +1,19 @@
+//! Experiments in the world: scenarios and scripts, their metrics, verdicts and reports.
+//!
+//! Reads no clock; the files it reads are its inputs (scenarios, scenes, captures).
+#![forbid(unsafe_code)]
+
+pub mod events;
+pub mod grasp;
+pub mod metrics;
+pub mod over_can;
+pub mod packets;
+pub mod picture;
+pub mod properties;
+pub mod replay;
+pub mod report;
+pub mod run;
+pub mod scenario;
+pub mod toml_text;
+pub mod trace;
+pub mod typist;

@@ -1,0 +1,75 @@
+//! `hil-sim excite`: the move that `identify` needs, on a simulated board in simulated time or on a real one.
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tater_wire::Node as Id;
+
+use super::adapter::open;
+use super::convert::{self, Format};
+use super::figures::Figures;
+use super::identify::MotorName;
+use super::interrupt;
+use super::output::{check_file, print, warn};
+use super::simulated::Simulated;
+use commission::excite::{Failure, Link, csv, excite as run};
+use hil_experiment::run::node_of;
+use hil_world::board::SimBoard;
+use hil_world::node::Node;
+use traces::input::BadInput;
+
+#[derive(clap::Args)]
+pub struct ExciteArgs {
+    /// A simulated board of this motor.
+    #[arg(long, value_enum, required_unless_present_any = ["slcan", "can"], conflicts_with_all = ["slcan", "can"])]
+    motor: Option<MotorName>,
+    #[command(flatten)]
+    figures: Figures,
+    /// Seed of the simulated noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// A board on an SLCAN adapter: HOST:PORT, or a serial port such as /dev/ttyACM0.
+    #[arg(long, value_name = "HOST:PORT|TTY", requires = "node", conflicts_with_all = ["can", "plant", "rig", "supply"])]
+    slcan: Option<String>,
+    /// A board on a CAN interface of Linux, such as can0.
+    #[arg(long, value_name = "IFACE", requires = "node")]
+    can: Option<String>,
+    /// The real board's node: 1 to 3 links, 4 the spread, 5 to 7 tips. ITS MOTOR WILL MOVE over its whole range.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=31), conflicts_with = "motor")]
+    node: Option<u8>,
+    /// The recording: .csv, .mcap or .parquet.
+    #[arg(long, value_name = "TRACE")]
+    out: PathBuf,
+}
+
+/// Returns whether a recording was made.
+pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn Error>> {
+    // The first ^C idles the motor and restores the board's properties.
+    interrupt::finish_first();
+    check_file(&args.out)?;
+    let format = Format::of(&args.out)?;
+    let motor = args.motor.unwrap_or(MotorName::Link);
+    let (mut link, node): (Box<dyn Link>, Id) = match args.node {
+        Some(node) => (open(args.slcan.as_deref(), args.can.as_deref(), clock)?, id(Some(node))),
+        None => (Box::new(simulated(args, motor)?), id(Some(node_of(motor.kind())))),
+    };
+    let done = run(link.as_mut(), node, &mut |step| warn(&format!("node {}: {step}", node.number())));
+    let recorded = match done {
+        Ok(recorded) => recorded,
+        Err(Failure::Interrupted) => return Ok(false),
+        Err(Failure::Failed(text)) => return Err(text.into()),
+    };
+    convert::write(&args.out, format, csv(&recorded))?;
+    print(&format!("{}: {} rows\n", args.out.display(), recorded.rows.len()))?;
+    Ok(true)
+}
+
+fn id(node: Option<u8>) -> Id {
+    node.and_then(Id::new).unwrap_or(Id::HOST)
+}
+
+fn simulated(args: &ExciteArgs, motor: MotorName) -> Result<Simulated, BadInput> {
+    let rig = args.figures.motor(motor.kind(), 60.0, args.seed)?;
+    Ok(Simulated::new(Node::awake(SimBoard::new(rig, id(Some(node_of(motor.kind())))))))
+}

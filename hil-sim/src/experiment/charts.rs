@@ -1,9 +1,0 @@
-//! Pages with charts: one HTML file with style, script and numbers inside.
-
-mod alarms;
-mod chart;
-mod sheet;
-
-pub use alarms::{Alarm, trade_off};
-pub use chart::{Across, Chart, Column, Explore, Field, Kind, Level, Mark, Marked, Series, escape};
-pub use sheet::Sheet;

@@ -1,0 +1,76 @@
+//! The figures of plant, sensors and supply that a command line or a job overrides.
+
+use tater_wire::MotorKind;
+
+use super::output::quoted;
+use hil_experiment::run::{Options, rig};
+use hil_experiment::scenario::Scenario;
+use hil_world::plant::{Model, ParamError};
+use hil_world::rig::Rig;
+use traces::input::BadInput;
+
+/// Options `--plant`, `--rig` and `--supply`, each repeatable.
+#[derive(clap::Args, Clone, Default)]
+pub(super) struct Figures {
+    /// Set a figure of the motor or its joint, such as inertia=1.3x or coulomb_n_m=0.02 (see `list --plant`); repeatable.
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub plant: Vec<String>,
+    /// Set a figure of the board's sensors, such as hall_offset_deg=7; repeatable.
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub rig: Vec<String>,
+    /// Set the supply, such as volts=22.
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub supply: Vec<String>,
+}
+
+impl Figures {
+    /// Options and assignments, in the order in which they are applied.
+    fn all(&self) -> Vec<(&str, &str)> {
+        [("plant", &self.plant), ("rig", &self.rig), ("supply", &self.supply)]
+            .into_iter()
+            .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
+            .collect()
+    }
+
+    /// Overrides them in the scenario.
+    ///
+    /// # Errors
+    /// Those of [`Scenario::override_figures`].
+    pub fn apply(&self, scenario: &mut Scenario) -> Result<(), BadInput> {
+        scenario.override_figures(&self.all())
+    }
+
+    /// A motor of a kind with these figures, at rest.
+    ///
+    /// # Errors
+    /// Those of [`Scenario::override_figures`].
+    pub fn motor(&self, kind: MotorKind, position_counts: f64, seed: u64) -> Result<Rig, BadInput> {
+        let name = kind.name();
+        let text = format!(
+            "name = 'motor'\nabout = 'a motor at rest'\nmotor = '{name}'\nduration_ms = 1\ninitial = {{ position_counts = {position_counts:.1} }}\n"
+        );
+        let mut scenario = Scenario::parse("motor", &text)?;
+        self.apply(&mut scenario)?;
+        let wrong = |error: &ParamError| BadInput {
+            place: format!("the {name}"),
+            problem: format!("{} is out of range", error.field),
+            found: error.found.to_string(),
+            expected: error.expected.clone(),
+            next: "give other figures".to_owned(),
+        };
+        let options = Options { seed, model: Model::Averaged, trace: false };
+        let built = scenario.cases.first().map(|case| rig(&scenario, case, &options));
+        // A scenario with a motor has a case.
+        built
+            .unwrap_or_else(|| Err(ParamError { field: "motor", found: 0.0, expected: "one".to_owned() }))
+            .map_err(|e| wrong(&e))
+    }
+
+    /// As arguments of a command line, each with a space before it.
+    pub fn arguments(&self) -> String {
+        self.all()
+            .into_iter()
+            .map(|(option, assignment)| format!(" --{option} {}", quoted(assignment)))
+            .collect()
+    }
+}

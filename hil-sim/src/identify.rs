@@ -1,0 +1,229 @@
+//! `hil-sim identify`: a motor's figures from a recorded move, as text, JSON, properties and a page of residuals.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use serde_json::{Map, Value, json};
+use tater_wire::MotorKind;
+
+use super::output::{print, warn, write_folder};
+use charts::{Chart, Series, Sheet, escape};
+use hil_tuning::identify::{Estimate, Identified, Recording, identify as fit};
+use traces::input::BadInput;
+
+/// Largest trace: 20 minutes at a row a millisecond.
+const MOST_BYTES: u64 = 256 << 20;
+
+#[derive(clap::Args)]
+pub struct IdentifyArgs {
+    /// A trace.csv of `hil-sim run --out`, or the recording of `hil-sim excite`.
+    trace: PathBuf,
+    /// The motor: of a trace with several the one to take; a link or a tip coasts without power, which is then used.
+    #[arg(long, value_enum)]
+    motor: Option<MotorName>,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Write residuals.html into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// A kind of motor.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum MotorName {
+    /// A finger's inner link.
+    Link,
+    /// The spread.
+    Spread,
+    /// A finger's outer link.
+    Tip,
+}
+
+impl MotorName {
+    pub const fn kind(self) -> MotorKind {
+        match self {
+            Self::Link => MotorKind::Link,
+            Self::Spread => MotorKind::Spread,
+            Self::Tip => MotorKind::Tip,
+        }
+    }
+}
+
+/// Returns whether all figures are determined.
+pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
+    let text = read(&args.trace)?;
+    let file = args.trace.display().to_string();
+    let recording = Recording::parse(&file, &text, args.motor.map(MotorName::kind))?;
+    let found = fit(&recording);
+    if let Some(dir) = &args.out {
+        write_page(dir, &file, &found)?;
+    }
+    for remark in &found.remarks {
+        warn(&format!("warning: {file}: {remark}"));
+    }
+    if args.json {
+        print(&format!("{}\n", object(&found)))?;
+    } else {
+        print(&lines(&found))?;
+        if let Some(dir) = &args.out {
+            print(&format!("\n{}\n", dir.join(PAGE).display()))?;
+        }
+    }
+    let beyond = found.beyond();
+    for error in &beyond {
+        warn(&format!(
+            "error: {}",
+            BadInput {
+                place: file.clone(),
+                problem: "the board's model of this motor has a value that no board takes".to_owned(),
+                found: error.found(),
+                expected: error.expected(),
+                next: "compare the figures with the motor's data sheet, and record again; a board without this property has its default"
+                    .to_owned(),
+            }
+        ));
+    }
+    Ok(found.missing.is_empty() && beyond.is_empty())
+}
+
+const PAGE: &str = "residuals.html";
+
+fn read(path: &Path) -> Result<String, BadInput> {
+    let bad = |problem: &str, found: String, expected: &str| BadInput {
+        place: path.display().to_string(),
+        problem: problem.to_owned(),
+        found,
+        expected: expected.to_owned(),
+        next: "give a trace.csv of `hil-sim run --out` or of `hil-sim excite`".to_owned(),
+    };
+    // A device or a pipe has no length before it is read.
+    let mut bytes = Vec::new();
+    let file = File::open(path).and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes));
+    file.map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(bad("is too large", "more than 256 MiB".to_owned(), "256 MiB or less"));
+    }
+    String::from_utf8(bytes).map_err(|e| bad("is no text", e.to_string(), "CSV in UTF-8"))
+}
+
+/// Four significant digits.
+fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    let size = value.abs();
+    match size {
+        0.01..1e4 => {
+            let decimals = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{value:.decimals$}")
+        }
+        0.0 => "0".to_owned(),
+        _ => format!("{value:.3e}"),
+    }
+}
+
+fn lines(found: &Identified) -> String {
+    let mut text = String::new();
+    for (name, unit, of) in found.figures() {
+        let mark = if of.is_determined { "" } else { "   NOT DETERMINED" };
+        let range = format!("{} to {}", number(of.low), number(of.high));
+        text.push_str(&format!("{name:<18} {:>10}   95 %: {range:<24} {unit}{mark}\n", number(of.value)));
+    }
+    text.push_str("\nHall errors are those of the upper boundaries of sectors 0 to 5, less their mean, which no move shows.\n");
+    let properties = found.properties();
+    if !properties.is_empty() {
+        let set: Vec<String> =
+            properties.iter().map(|(name, value)| format!("--set {name}={value}")).collect();
+        text.push_str(&format!("\nThe board's model of this motor: {}\n", set.join(" ")));
+    }
+    if !found.missing.is_empty() {
+        text.push_str("\nTo determine the rest, record:\n");
+        found.missing.iter().for_each(|advice| text.push_str(&format!("  {advice}\n")));
+    }
+    text
+}
+
+fn estimate(of: &Estimate) -> Value {
+    // serde_json writes a number that is not finite as null.
+    json!({ "value": of.value, "low": of.low, "high": of.high, "determined": of.is_determined })
+}
+
+fn object(found: &Identified) -> Value {
+    let mut object = Map::new();
+    let figures = [
+        ("r_ohm", &found.r_ohm),
+        ("ke_v_s", &found.ke_v_s),
+        ("j_kg_m2", &found.j_kg_m2),
+        ("coulomb_n_m", &found.coulomb_n_m),
+        ("viscous_n_m_s", &found.viscous_n_m_s),
+        ("friction_n_m", &found.friction_n_m),
+        ("delay_ms", &found.delay_ms),
+    ];
+    figures.into_iter().for_each(|(name, of)| _ = object.insert(name.to_owned(), estimate(of)));
+    let halls: Vec<Value> = found.hall_error_deg.iter().map(estimate).collect();
+    object.insert("hall_error_deg".to_owned(), Value::Array(halls));
+    let properties: Map<String, Value> =
+        found.properties().into_iter().map(|(name, value)| (name.to_owned(), value.into())).collect();
+    object.insert("properties".to_owned(), Value::Object(properties));
+    let beyond: Vec<String> = found.beyond().iter().map(ToString::to_string).collect();
+    object.insert("out_of_range".to_owned(), json!(beyond));
+    object.insert("record".to_owned(), json!(found.missing));
+    object.insert("remarks".to_owned(), json!(found.remarks));
+    Value::Object(object)
+}
+
+/// One curve over time.
+struct Plot {
+    /// What it shows.
+    title: &'static str,
+    /// Its unit.
+    unit: &'static str,
+    /// Least span of the axis.
+    least_span: f64,
+    /// Times, ms.
+    times: Vec<f64>,
+    /// Values.
+    values: Vec<f64>,
+}
+
+/// A page with a table and curves. `head` and the `rows` are plain text; the first column is on the left.
+fn plots(name: &str, about: &str, head: &[&str], rows: &[Vec<String>], plots: &[Plot]) -> String {
+    let mut sheet = Sheet::new(name);
+    sheet.push(&format!("<header><h1>{}</h1>\n<p>{}</p></header>\n", escape(name), escape(about)));
+    sheet.table(head, rows, usize::MAX);
+    sheet.push("<h2>Residuals</h2>\n");
+    sheet.help();
+    for plot in plots {
+        let (x, y) = (sheet.column(plot.times.clone(), None), sheet.column(plot.values.clone(), Some(5)));
+        let mut chart = Chart::new(plot.title, plot.unit, "ms");
+        chart.series.push(Series::line(plot.title, "c1", x, y));
+        (chart.height, chart.least_span) = (220.0, plot.least_span);
+        chart.x.group = Some("time".to_owned());
+        sheet.chart(&chart);
+    }
+    sheet.finish()
+}
+
+fn write_page(dir: &Path, file: &str, found: &Identified) -> Result<(), BadInput> {
+    let row = |(name, unit, of): (String, &str, Estimate)| {
+        let verdict = if of.is_determined { "determined" } else { "not determined" };
+        vec![name, number(of.value), number(of.low), number(of.high), unit.to_owned(), verdict.to_owned()]
+    };
+    let rows: Vec<Vec<String>> = found.figures().into_iter().map(row).collect();
+    let plot = |title, unit, least_span, of: &[(f64, f64)]| {
+        let (times, values) = of.iter().copied().unzip();
+        Plot { title, unit, least_span, times, values }
+    };
+    let curves = [
+        plot("bus current, measured less expected", "A", 0.1, &found.residuals.bus_a),
+        plot("hall edges, boundary less expected place", "counts", 0.5, &found.residuals.edge_counts),
+    ];
+    let head = ["figure", "value", "low", "high", "unit", "95 %"];
+    let html =
+        plots("identify", &format!("{file}: figures with their 95 % intervals"), &head, &rows, &curves);
+    write_folder(dir, &[(PAGE, html.as_bytes())])
+}

@@ -1,0 +1,9 @@
+//! Tables of numbers over time, their formats, and errors in what a user gave.
+#![forbid(unsafe_code)]
+
+pub mod csv;
+pub mod input;
+pub mod mcap;
+pub mod names;
+pub mod parquet;
+pub mod table;
