@@ -75,21 +75,21 @@ const ARROWS: [Arrows; 21] = [
         ours: &["tater-wire", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
     },
-    // Tables and their formats: parquet with bytes, mcap. strsim: misspelt names. serde(_json): what formats keep beside the rows.
+    // Tables and their formats: csv, parquet with bytes, mcap. strsim: misspelt names. serde(_json): what formats keep beside the rows.
     Arrows {
         package: "traces",
         ours: &[],
-        others: Some(&["bytes", "mcap", "parquet", "serde", "serde_json", "strsim"]),
+        others: Some(&["bytes", "csv", "mcap", "parquet", "serde", "serde_json", "strsim"]),
     },
     // serde(_json): charts for their program in the page.
     Arrows { package: "charts", ours: &[], others: Some(&["serde", "serde_json"]) },
     // Real boards, never the simulator.
     Arrows { package: "commission", ours: &["tater-wire", "traces"], others: Some(&["rand", "rand_pcg"]) },
-    // flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
+    // libm: the same bits on every platform. flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
     Arrows {
         package: "hil-world",
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics"],
-        others: Some(&["fixed (dev)", "flate2", "proptest (dev)", "rand", "rand_pcg", "serde"]),
+        others: Some(&["fixed (dev)", "flate2", "libm", "proptest (dev)", "rand", "rand_pcg", "serde"]),
     },
     // toml: scenarios. flate2: recordings. fixed: estimates of a replay.
     Arrows {
@@ -101,7 +101,7 @@ const ARROWS: [Arrows; 21] = [
     Arrows {
         package: "hil-torture",
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "wraptor", "hil-world", "hil-experiment"],
-        others: Some(&["rand", "rand_pcg", "serde"]),
+        others: Some(&["libm", "rand", "rand_pcg", "serde"]),
     },
     // cmaes: the search. num-complex: frequency responses. rayon: threads, with results in order.
     Arrows {

@@ -69,6 +69,28 @@ fn outside(source: &Source) -> Vec<Violation> {
     })
 }
 
+/// What the platform's own library computes, and not to the same bit everywhere.
+const TRANSCENDENTAL: [&str; 22] = [
+    "acos", "asin", "atan", "atan2", "cbrt", "cos", "cosh", "exp", "exp2", "exp_m1", "hypot", "ln", "ln_1p",
+    "log10", "log2", "powf", "powi", "sin", "sin_cos", "sinh", "tan", "tanh",
+];
+
+/// The world and its judge give the same bits on every platform: their transcendental functions are libm's.
+fn platform(source: &Source) -> Vec<Violation> {
+    let folders = ["hil-sim/world/src", "hil-sim/torture/src", "kinematics/src"];
+    if !folders.iter().any(|folder| source.is_in(folder)) {
+        return Vec::new();
+    }
+    scan(source, |tokens, at| {
+        let name = tokens[at].text.as_str();
+        let is_call =
+            at > 0 && [".", ":"].contains(&tokens[at - 1].text.as_str()) && reads(tokens, at + 1, &["("]);
+        let is_libm = at > 2 && tokens[at - 3].text == "libm";
+        (is_call && !is_libm && TRANSCENDENTAL.contains(&name))
+            .then(|| format!("{name}: libm's gives the same bits on every platform"))
+    })
+}
+
 fn unfinished(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         let name = tokens[at].text.as_str();
@@ -112,6 +134,11 @@ fn only_programs_know_the_outside() {
         let root = format!("{folder}/lib.rs");
         assert!(files("rs").iter().any(|file| file.path == root), "no {root}: its fence guards nothing");
     }
+}
+
+#[test]
+fn world_computes_the_same_bits_everywhere() {
+    check_workspace(platform);
 }
 
 #[test]
@@ -176,6 +203,17 @@ fn outside_fence_finds_each_breach() {
     );
     let any = "use hil_world::bus; use std::net::TcpStream; fn f() { println!(); }";
     check_fence(outside, "hil-sim/src/tcp.rs", &[], &[any]);
+}
+
+#[test]
+fn platform_fence_finds_each_breach() {
+    check_fence(
+        platform,
+        "hil-sim/world/src/a.rs",
+        &["fn f(a: f64) { a.exp(); }", "fn f(a: f64) { f64::sin(a); }", "fn f(a: f64) { a.powi(2) }"],
+        &["fn f(a: f64) { libm::exp(a.sqrt()); exp(a) } // a.exp()"],
+    );
+    check_fence(platform, "hil-sim/tuning/src/a.rs", &[], &["fn f(a: f64) { a.exp(); }"]);
 }
 
 #[test]

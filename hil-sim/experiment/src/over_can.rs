@@ -310,7 +310,7 @@ const TURN_US: u64 = 400_000;
 /// Time in which a board follows a rotor that is put back by a count, us.
 const SETTLE_US: u64 = 300_000;
 
-/// Judges the results like [`crate::run()`]; returns the metrics not judged with their reasons.
+/// Judges the results like [`run`](crate::run::run); returns the metrics not judged with their reasons.
 #[must_use]
 pub fn judge(
     scenario: &Scenario,

@@ -427,7 +427,7 @@ fn place_finger<S: Subject>(board: &mut S, motor: usize, rng: &mut Pcg64Mcg) {
     let side = if speed.abs() > MOVING { speed.signum() } else { *one(rng, &[-1.0, 1.0]) };
     let at_count = rig.joint_counts() + side * rng.random_range(0.0..FINGER_COUNTS);
     let softer = if rng.random() { 0.0 } else { rng.random_range(0.0..1.0) };
-    let n_per_mm = person::N_PER_MM * (SOFTEST_N_PER_MM / person::N_PER_MM).powf(softer);
+    let n_per_mm = person::N_PER_MM * libm::pow(SOFTEST_N_PER_MM / person::N_PER_MM, softer);
     rig.set_finger(Some(person::gives_way(kind(motor as u8 + 1), n_per_mm, at_count, side)));
 }
 

@@ -211,7 +211,8 @@ fn may_wait(view: &View, torque: f64) -> Option<bool> {
 
 /// Time in which a set-point at rest gets two counts ahead, ms: a = (ACCEL/1024)² counts/ms², at most what a weak motor can do.
 fn creep_ms(accel: i64) -> u64 {
-    let accel = (accel as f64 / 1024.0).powi(2).min(WEAK);
+    let accel = accel as f64 / 1024.0;
+    let accel = (accel * accel).min(WEAK);
     // With ACCEL 0 it never does.
     if accel == 0.0 { u64::from(u32::MAX) } else { (2.0 * NEAR as f64 / accel).sqrt() as u64 }
 }

@@ -117,7 +117,7 @@ fn longest_ms(view: &View) -> Option<f64> {
     }
     let (here, end) = (number(Property::P)?, number(Property::E)?);
     let speed = number(Property::MV)?.min(number(Property::MCV)?).min(number(Property::MOV)?).max(16.0);
-    let accel = (accel / 1024.0).powi(2) * 1e6;
+    let accel = (accel / 1024.0) * (accel / 1024.0) * 1e6;
     let distance = (end - here).abs();
     let profile_ms = 1e3 * (distance / speed + 2.0 * speed.min((distance * accel).sqrt()) / accel);
     Some(LATE * profile_ms + tstop_ms + OWN_MS)

@@ -86,7 +86,7 @@ impl Trust {
 fn homing_dent(joint: &Joint, view: &View) -> Option<f64> {
     let pressed = joint.twist(view.property(Property::IHIT)? as f64 / UNITS);
     let speed = (view.property(Property::IVEL)?.unsigned_abs() as f64).min(joint.no_load(view.volts));
-    Some(0.5 * joint.plant.backlash_counts + pressed.hypot(joint.blow(speed)))
+    Some(0.5 * joint.plant.backlash_counts + libm::hypot(pressed, joint.blow(speed)))
 }
 
 /// Follows IVEL and IHIT, which another host may change while HI runs.

@@ -27,7 +27,8 @@ pub fn lever_m(kind: MotorKind) -> f64 {
 #[must_use]
 pub fn stiffness_n_m_rad(kind: MotorKind, n_per_mm: f64) -> f64 {
     let gear = PlantParams::for_motor(kind).gear_ratio;
-    1e3 * n_per_mm * (lever_m(kind) / gear).powi(2)
+    let lever_m = lever_m(kind) / gear;
+    1e3 * n_per_mm * (lever_m * lever_m)
 }
 
 /// What gives way by a millimeter for so many N, at a count: a person's finger has [`N_PER_MM`]. `side` as in [`Contact`].

@@ -145,7 +145,7 @@ impl Winding {
             if dt <= 0.0 {
                 return;
             }
-            decay = (-dt / self.tau).exp();
+            decay = libm::exp(-dt / self.tau);
         }
     }
 
@@ -261,7 +261,7 @@ impl Winding {
         let mut span = dt;
         let mut stopped = None;
         if start != 0.0 && (wrong_way(from, end) || wrong_way(into, -end)) {
-            span = (-self.tau * (to / (to - start)).ln()).clamp(0.0, dt);
+            span = (-self.tau * libm::log(to / (to - start))).clamp(0.0, dt);
             end = 0.0;
             stopped = Some(span);
         }
@@ -306,7 +306,7 @@ impl Winding {
         let mut span = dt;
         let mut stopped = None;
         if let Some((leg, at)) = first {
-            span = (-self.tau * at.ln()).clamp(0.0, dt);
+            span = (-self.tau * libm::log(at)).clamp(0.0, dt);
             for k in 0..3 {
                 end[k] = to[k] + (i[k] - to[k]) * at;
             }

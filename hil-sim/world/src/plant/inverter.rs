@@ -168,7 +168,7 @@ impl Inverter {
         let mut start = 0.0;
         for (end, pwm) in plan {
             if end > start {
-                self.segments.push(Segment { end, decay: ((start - end) / tau).exp(), pwm });
+                self.segments.push(Segment { end, decay: libm::exp((start - end) / tau), pwm });
                 start = end;
             }
         }
@@ -205,7 +205,7 @@ impl Inverter {
 
     fn mean_decay(&mut self, dt: f64) -> f64 {
         if self.mean_decay.0 != dt {
-            self.mean_decay = (dt, (-dt / self.winding.tau).exp());
+            self.mean_decay = (dt, libm::exp(-dt / self.winding.tau));
         }
         self.mean_decay.1
     }
@@ -257,7 +257,7 @@ impl Inverter {
                 let dt = segment.end.min(end) - f64::max(start, begin);
                 // Rounding of the phase must not count as a cut segment.
                 let whole = dt > (segment.end - start) * (1.0 - 1e-9);
-                let decay = if whole { segment.decay } else { (-dt / w.tau).exp() };
+                let decay = if whole { segment.decay } else { libm::exp(-dt / w.tau) };
                 let mut current = i[pwm];
                 if six_step
                     && i[float] == 0.0

@@ -118,12 +118,12 @@ impl Joint {
     /// The joint of `p` with its two stops and `objects`.
     #[must_use]
     pub fn new(p: &PlantParams, objects: &[Contact]) -> Self {
-        let lead = p.worm_lead_deg.to_radians().tan();
+        let lead = libm::tan(p.worm_lead_deg.to_radians());
         let worm = if lead > 0.0 {
-            let (lambda, phi) = (p.worm_lead_deg.to_radians(), p.worm_friction.atan());
+            let (lambda, phi) = (p.worm_lead_deg.to_radians(), libm::atan(p.worm_friction));
             // Motor torque per load torque is tan(φ+λ)/tan λ against the load and tan(φ−λ)/tan λ with it,
             // both against the motion. The excess over the ideal gear's ∓1 is friction.
-            [(phi + lambda).tan() / lead - 1.0, (phi - lambda).tan() / lead + 1.0]
+            [libm::tan(phi + lambda) / lead - 1.0, libm::tan(phi - lambda) / lead + 1.0]
         } else {
             [0.0; 2]
         };
@@ -299,7 +299,7 @@ impl Joint {
     /// Energy stored in springs and in the magnets at a position, J.
     #[must_use]
     pub fn spring_j(&self, theta: f64) -> f64 {
-        let magnets = self.cogging / COGGING_PER_TURN * (1.0 - (COGGING_PER_TURN * theta).cos());
+        let magnets = self.cogging / COGGING_PER_TURN * (1.0 - libm::cos(COGGING_PER_TURN * theta));
         let joint = self.behind(theta);
         let gear = 0.5 * self.compliance * joint.torque * joint.torque;
         self.contacts.iter().map(|c| c.stored_j(joint.theta)).sum::<f64>() + gear + magnets
@@ -362,7 +362,7 @@ impl Joint {
         if self.cogging == 0.0 {
             return (0.0, 0.0);
         }
-        let (sin, cos) = (COGGING_PER_TURN * mid).sin_cos();
+        let (sin, cos) = libm::sincos(COGGING_PER_TURN * mid);
         let stiffness = COGGING_PER_TURN * self.cogging * cos;
         (-self.cogging * sin - stiffness * (theta - mid), stiffness)
     }
@@ -372,7 +372,7 @@ impl Joint {
         let speed = omega * self.per_stribeck;
         // Beyond three times the Stribeck speed a ten-thousandth is left.
         if speed.abs() < 3.0 {
-            self.coulomb + (self.stiction - self.coulomb) * (-speed * speed).exp()
+            self.coulomb + (self.stiction - self.coulomb) * libm::exp(-speed * speed)
         } else {
             self.coulomb
         }

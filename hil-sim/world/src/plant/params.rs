@@ -235,7 +235,7 @@ impl PlantParams {
             ("housing_ambient_k_w", self.housing_ambient_k_w, 0.1, 1e3),
             ("ambient_c", self.ambient_c, -60.0, 125.0),
             // A worm that friction does not lock would need its own efficiency for backward driving.
-            ("worm_friction", self.worm_friction, self.worm_lead_deg.to_radians().tan(), 0.5),
+            ("worm_friction", self.worm_friction, libm::tan(self.worm_lead_deg.to_radians()), 0.5),
         ];
         check(&rows)?;
         self.validate_together()
@@ -246,7 +246,7 @@ impl PlantParams {
     fn validate_together(&self) -> Result<(), ParamError> {
         let at_least = |field, found: f64, least: f64, why| {
             // Rounded up to three places, so that the value in the error message is accepted.
-            let place = 10_f64.powi(2 - least.log10().floor() as i32);
+            let place = libm::exp10(2.0 - libm::log10(least).floor());
             let expected = format!("at least {} for the other values: {why}", (least * place).ceil() / place);
             if found >= least { Ok(()) } else { Err(ParamError { field, found, expected }) }
         };
@@ -284,7 +284,7 @@ impl PlantParams {
     /// constant and of an impact on a stop, and with the counts that the EMF's ramps move within the step.
     #[must_use]
     pub fn longest_step_us(&self) -> u64 {
-        let resonance = 100.0 * (1000.0 / self.resonance_rad_s()).powf(1.5);
+        let resonance = 100.0 * libm::pow(1000.0 / self.resonance_rad_s(), 1.5);
         let motor = 0.05e6 * self.r_ohm * self.j_kg_m2 / (self.ke_v_s * self.ke_v_s);
         let ramps = 0.2e6 * self.ke_v_s * RAD_PER_COUNT / self.bus_v;
         let damper = 0.15e6 * self.j_kg_m2 / self.stop_damping_n_m_s;

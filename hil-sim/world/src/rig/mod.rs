@@ -524,7 +524,7 @@ impl Rig {
         self.last_read = (s.t_us, s.bus_charge);
         self.peak_phase_a = self.plant.take_peak();
         let lag = self.params.thermistor_lag_s;
-        self.thermistor_c += (self.plant.heat().housing_c - self.thermistor_c) * (1.0 - (-dt / lag).exp());
+        self.thermistor_c += (self.plant.heat().housing_c - self.thermistor_c) * (1.0 - libm::exp(-dt / lag));
         let joint = -s.shaft.load * self.plant.params().gear_ratio;
         let strain = self.params.strain_zero + joint * self.params.strain_per_n_m;
         let bus_v = self.plant.params().bus_v;
