@@ -54,7 +54,7 @@ fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
     let mut link = Simulated::new(board);
     let recorded = excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("plant {seed}: {e:?}"));
     let recording =
-        Recording::parse("excite", &csv(&recorded), Some(kind)).unwrap_or_else(|e| panic!("{seed}: {e}"));
+        Recording::of_csv("excite", csv(&recorded), Some(kind)).unwrap_or_else(|e| panic!("{seed}: {e}"));
     let found = identify(&recording);
     [
         (found.r_ohm, plant.r_ohm),

@@ -10,12 +10,15 @@ use serde_json::{Map, Value};
 use super::figures::Figures;
 use super::identify::MotorName;
 use super::margins;
+use super::open;
 use super::output::{print, warn, write_folder};
-use super::table::{Table, TableFile};
+use hil_experiment::run::node_of;
 use hil_tuning::bode::{Loop, Setup, measure, page, scenario};
 use hil_tuning::response::{FEWEST, Margins, Point, Response};
 use hil_tuning::spectrum;
 use traces::input::BadInput;
+use traces::names::MOTOR;
+use traces::numbers::Numbers;
 
 /// Relative standard deviation above which a line is left out: its phase is off by 20° and more.
 const MOST_DEVIATION: f64 = 0.35;
@@ -26,9 +29,9 @@ const MOST_LIMITED: f64 = 0.05;
 /// The arguments of `hil-sim bode`.
 #[derive(clap::Args)]
 pub struct BodeArgs {
-    /// The motor.
-    #[arg(long, value_enum, default_value_t = MotorName::Link)]
-    motor: MotorName,
+    /// The motor; default: link. Of a recording with several the one to take.
+    #[arg(long, value_enum)]
+    motor: Option<MotorName>,
     /// The loop: position (mode 3) or velocity (mode 4).
     #[arg(long, value_enum, default_value_t = LoopName::Velocity)]
     mode: LoopName,
@@ -46,10 +49,10 @@ pub struct BodeArgs {
     /// Seed of excitation and noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Take a recording instead of the servo: CSV with time_ms or time_s at a steady rate.
+    /// Take a recording instead of the servo: .csv, .mcap or .parquet with time_ms or time_s, or the folder of a run.
     #[arg(
-        long, value_name = "TRACE.csv", requires_all = ["input", "output"],
-        conflicts_with_all = ["motor", "mode", "set", "plant", "rig", "supply", "amplitude", "realizations", "seed"]
+        long, value_name = "TRACE", requires_all = ["input", "output"],
+        conflicts_with_all = ["mode", "set", "plant", "rig", "supply", "amplitude", "realizations", "seed"]
     )]
     from: Option<PathBuf>,
     /// The recording's column that goes into the response: a name, or T, V or P.
@@ -184,7 +187,7 @@ fn show(
 }
 
 fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
-    let motor = args.motor.kind();
+    let motor = args.motor.unwrap_or(MotorName::Link).kind();
     let of = match args.mode {
         LoopName::Position => Loop::Position,
         LoopName::Velocity => Loop::Velocity,
@@ -231,16 +234,27 @@ fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
 }
 
 fn recorded(args: &BodeArgs, path: &Path) -> Result<Found, BadInput> {
-    let file = TableFile::read(path)?;
-    let table = file.table()?;
-    let step_s = step_s(&table)?;
-    let signal = |name: &Option<String>| -> Result<(String, Vec<f64>), BadInput> {
-        let column = column(&table, name.as_deref().unwrap_or_default())?;
-        let values: Result<_, _> = (0..table.len()).map(|row| table.number(row, column)).collect();
-        Ok((table.name(column).to_owned(), values?))
+    let table = open::numbers(path)?;
+    let name = |name: &Option<String>| column(&table, name.as_deref().unwrap_or_default());
+    let (input, output) = (name(&args.input)?, name(&args.output)?);
+    let reference = if args.reference.is_some() { name(&args.reference)? } else { input };
+    let rows = rows(args, &table, &[input, output, reference])?;
+    let times = times_s(&table, &rows)?;
+    let (input_name, output_name) = (table.name(input).to_owned(), table.name(output).to_owned());
+    let signal = |column: usize| -> Result<Vec<f64>, BadInput> {
+        let values: Result<Vec<f64>, BadInput> = rows.iter().map(|row| table.number(*row, column)).collect();
+        Ok(spectrum::even(&times, &values?))
     };
-    let ((input_name, input), (output_name, output)) = (signal(&args.input)?, signal(&args.output)?);
-    let reference = if args.reference.is_some() { signal(&args.reference)?.1 } else { input.clone() };
+    let (input, output, reference) = (signal(input)?, signal(output)?, signal(reference)?);
+    let step_s = times.last().copied().unwrap_or_default() / (times.len() - 1) as f64;
+    if !spectrum::is_even(&times) {
+        warn(&format!(
+            "note: {}: rows are not evenly sampled: the signals are read every {:.3} ms in between; the longest gap has {:.3} ms",
+            path.display(),
+            1e3 * step_s,
+            1e3 * times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+        ));
+    }
     let is_setpoint = input_name.to_ascii_lowercase().contains("setpoint");
     if is_setpoint && !args.closed {
         warn(&format!(
@@ -271,7 +285,7 @@ fn recorded(args: &BodeArgs, path: &Path) -> Result<Found, BadInput> {
 }
 
 /// A column by its name, or by the property that it shows in a trace of `hil-sim run`.
-fn column(table: &Table, name: &str) -> Result<usize, BadInput> {
+fn column(table: &Numbers, name: &str) -> Result<usize, BadInput> {
     let property = match name.to_ascii_uppercase().as_str() {
         "T" => "torque_per_1024",
         "V" => "velocity_estimated_counts_s",
@@ -281,35 +295,61 @@ fn column(table: &Table, name: &str) -> Result<usize, BadInput> {
     table.need(&[name, property], "a column of the recording")
 }
 
-/// The sampling period of a recording.
-fn step_s(table: &Table) -> Result<f64, BadInput> {
-    let time = table.need(&["time_ms", "time_s", "t_ms", "t_s"], "time_ms or time_s")?;
-    if table.len() < spectrum::FEWEST {
+/// The rows of a recording that count: those of one motor with a number in each of the needed columns.
+fn rows(args: &BodeArgs, table: &Numbers, needed: &[usize]) -> Result<Vec<usize>, BadInput> {
+    let motor = table.find(&[MOTOR]);
+    let node = args.motor.map(|motor| f64::from(node_of(motor.kind())));
+    let (mut rows, mut only, mut empty) = (Vec::new(), node, 0);
+    for row in 0..table.len() {
+        if let Some(column) = motor {
+            let of = table.number(row, column)?;
+            if node.is_none() && *only.get_or_insert(of) != of {
+                let expected = "one motor: choose it with --motor link, --motor spread or --motor tip";
+                return Err(table.bad(row, column, "the recording has several motors", expected));
+            }
+            if only != Some(of) {
+                continue;
+            }
+        }
+        // What is no number at all is an error later.
+        if needed.iter().any(|column| matches!(table.maybe(row, *column), Ok(None))) {
+            empty += 1;
+        } else {
+            rows.push(row);
+        }
+    }
+    if empty > 0 {
+        warn(&format!("note: {}: {empty} rows without a number are left out", table.place()));
+    }
+    if rows.len() < spectrum::FEWEST {
         return Err(table.bad_file(
             "too few rows".to_owned(),
-            table.len().to_string(),
+            rows.len().to_string(),
             format!("{} at least", spectrum::FEWEST),
             "record for longer",
         ));
     }
-    let scale = if table.name(time).to_ascii_lowercase().ends_with("_ms") { 1e-3 } else { 1.0 };
-    let times: Vec<f64> = (0..table.len()).map(|row| table.number(row, time)).collect::<Result<_, _>>()?;
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    let step = steps[steps.len() / 2];
-    for row in 1..times.len() {
-        let own = times[row] - times[row - 1];
-        if own <= 0.0 {
+    Ok(rows)
+}
+
+/// Times of those rows, s.
+fn times_s(table: &Numbers, rows: &[usize]) -> Result<Vec<f64>, BadInput> {
+    let column = table.need(&["time_ms", "time_s", "t_ms", "t_s"], "time_ms or time_s")?;
+    let scale = if table.name(column).to_ascii_lowercase().ends_with("_ms") { 1e-3 } else { 1.0 };
+    let times: Vec<f64> = rows.iter().map(|row| table.number(*row, column)).collect::<Result<_, _>>()?;
+    // Sampling that is not even is read between the rows; where some are missing there is nothing to read.
+    if let Some(at) = spectrum::unreadable(&times) {
+        if times[at] <= times[at - 1] {
             let expected = "times in rising order, of one motor";
-            return Err(table.bad(row, time, "a time that is not above the one before", expected));
+            return Err(table.bad(rows[at], column, "a time that is not above the one before", expected));
         }
-        // Half a step of jitter is a clock's; more is a lost row.
-        if (own - step).abs() > 0.5 * step {
-            let problem = format!("a gap of {own} after the row before");
-            return Err(table.bad(row, time, &problem, &format!("a row every {step}")));
-        }
+        let problem = format!("a gap of {} after the row before", times[at] - times[at - 1]);
+        let expected = format!("a row every {} or so: record it again", spectrum::step(&times));
+        return Err(table.bad(rows[at], column, &problem, &expected));
     }
-    Ok((times[times.len() - 1] - times[0]) / (times.len() - 1) as f64 * scale)
+    // A clock's times lose their digits in f64 if they are scaled first.
+    let first = times.first().copied().unwrap_or_default();
+    Ok(times.iter().map(|time| (time - first) * scale).collect())
 }
 
 fn write_files(

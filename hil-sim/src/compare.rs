@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::convert::{bad, open};
+use super::open;
 use super::output::{is_same_file, print, replace_file, warn};
 use hil_tuning::compare::{Comparison, MOST, Recording, Row, compare as side_by_side, tracks};
 use traces::input::BadInput;
+use traces::numbers::bad;
 
 /// Largest run.json, bytes; one is some kilobytes.
 const MOST_BYTES: u64 = 1 << 20;
@@ -89,24 +90,10 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
 }
 
 fn read(path: &Path, name: String) -> Result<Recording, BadInput> {
-    let (trace, run) = if path.is_dir() {
-        let trace = path.join("trace.csv");
-        if !trace.is_file() {
-            return Err(BadInput {
-                place: path.display().to_string(),
-                problem: "has no trace".to_owned(),
-                found: "no trace.csv in the folder".to_owned(),
-                expected: "a folder that `hil-sim run --out` has written".to_owned(),
-                next: "make it with `hil-sim run NAME --out FOLDER`, or give a trace's file".to_owned(),
-            });
-        }
-        (trace, stored(&path.join("run.json"))?)
-    } else {
-        (path.to_owned(), Value::Null)
-    };
-    let source = open(&trace)?;
+    let (trace, source) = open::trace(path)?;
+    let run = if path.is_dir() { stored(&path.join("run.json"))? } else { Value::Null };
     let facts = source.heading().metadata.clone();
-    let tracks = tracks(source.as_ref()).map_err(|error| bad(&trace, error))?;
+    let tracks = tracks(source.as_ref()).map_err(|error| bad(&trace.display().to_string(), error))?;
     Ok(Recording { name, place: path.display().to_string(), tracks, run, facts })
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use tater_wire::Node as Id;
 
 use super::adapter::open;
-use super::convert::{self, Format};
+use super::convert;
 use super::figures::Figures;
 use super::identify::MotorName;
 use super::interrupt;
@@ -17,6 +17,7 @@ use commission::excite::{Failure, Link, csv, excite as run};
 use hil_experiment::run::node_of;
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
+use traces::format::Format;
 use traces::input::BadInput;
 
 #[derive(clap::Args)]

@@ -1,25 +1,21 @@
 //! `hil-sim identify`: a motor's figures from a recorded move, as text, JSON, properties and a page of residuals.
 
 use std::error::Error;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde_json::{Map, Value, json};
 use tater_wire::MotorKind;
 
+use super::open;
 use super::output::{print, warn, write_folder};
 use charts::{Chart, Series, Sheet, escape};
 use hil_tuning::identify::{Estimate, Identified, Recording, identify as fit};
 use traces::input::BadInput;
 
-/// Largest trace: 20 minutes at a row a millisecond.
-const MOST_BYTES: u64 = 256 << 20;
-
 #[derive(clap::Args)]
 pub struct IdentifyArgs {
-    /// A trace.csv of `hil-sim run --out`, or the recording of `hil-sim excite`.
+    /// A recorded move: the folder of `hil-sim run --out`, or a file of `hil-sim excite` or `hil-sim log` (.csv, .mcap, .parquet).
     trace: PathBuf,
     /// The motor: of a trace with several the one to take; a link or a tip coasts without power, which is then used.
     #[arg(long, value_enum)]
@@ -55,9 +51,9 @@ impl MotorName {
 
 /// Returns whether all figures are determined.
 pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
-    let text = read(&args.trace)?;
-    let file = args.trace.display().to_string();
-    let recording = Recording::parse(&file, &text, args.motor.map(MotorName::kind))?;
+    let numbers = open::numbers(&args.trace)?;
+    let file = numbers.place().to_owned();
+    let recording = Recording::read(&numbers, args.motor.map(MotorName::kind))?;
     let found = fit(&recording);
     if let Some(dir) = &args.out {
         write_page(dir, &file, &found)?;
@@ -91,24 +87,6 @@ pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
 }
 
 const PAGE: &str = "residuals.html";
-
-fn read(path: &Path) -> Result<String, BadInput> {
-    let bad = |problem: &str, found: String, expected: &str| BadInput {
-        place: path.display().to_string(),
-        problem: problem.to_owned(),
-        found,
-        expected: expected.to_owned(),
-        next: "give a trace.csv of `hil-sim run --out` or of `hil-sim excite`".to_owned(),
-    };
-    // A device or a pipe has no length before it is read.
-    let mut bytes = Vec::new();
-    let file = File::open(path).and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes));
-    file.map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(bad("is too large", "more than 256 MiB".to_owned(), "256 MiB or less"));
-    }
-    String::from_utf8(bytes).map_err(|e| bad("is no text", e.to_string(), "CSV in UTF-8"))
-}
 
 /// Four significant digits.
 fn number(value: f64) -> String {

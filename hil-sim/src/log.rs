@@ -6,18 +6,20 @@
 
 use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use tater_wire::property::Access;
 use tater_wire::{Destination, Message, Node, Property};
 
 use super::adapter::{self, Clock, Link};
-use super::convert::{self, Format, Pending};
+use super::convert::Pending;
 use super::interrupt;
 use super::output::{check_file, warn};
+use traces::format::Format;
 use traces::input::BadInput;
 use traces::names::{RECORDED_BY, TIME, UNTRUSTED, unit};
+use traces::numbers::bad;
 use traces::table::{Cell, Column, Heading, Kind, Sink, TableError};
 
 /// Time limit of an answer: a board that erases a page (40 ms) answers after it.
@@ -87,7 +89,7 @@ pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
         remark(&board);
     }
     let heading = Heading { columns: columns(), metadata: facts? };
-    let wrong = |error: TableError| convert::bad(&args.out, error);
+    let wrong = |error: TableError| bad(&args.out.display().to_string(), error);
     let pending = Pending::default();
     let mut sink = format.appending(pending.clone(), &heading).map_err(wrong)?;
     let file = File::create(&args.out).map_err(|error| wrong(TableError::Io(error)))?;
@@ -282,7 +284,7 @@ fn record(
 ) -> Result<(), BadInput> {
     let begun = (board.clock)();
     let (mut answered, mut flushed) = (begun, begun);
-    let wrong = |error: TableError| convert::bad(Path::new(&args.out), error);
+    let wrong = |error: TableError| bad(&args.out.display().to_string(), error);
     loop {
         let now = (board.clock)();
         if interrupt::interrupted() || seconds.is_some_and(|seconds| now - begun >= seconds) {

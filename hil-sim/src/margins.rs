@@ -3,35 +3,40 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use num_complex::Complex64;
 use serde_json::{Map, Value};
 
+use super::open;
 use super::output::{print, warn};
-use super::table::{Table, TableFile};
-use hil_tuning::response::{FEWEST, Margins, Point, Response, ResponseError};
-use traces::input::BadInput;
+use hil_tuning::frf;
+use hil_tuning::response::{FEWEST, Margins, Response, ResponseError};
+use traces::input::{BadInput, shorten};
+use traces::names::TIME;
+use traces::numbers::Numbers;
 
 /// The arguments of `hil-sim margins`.
 #[derive(clap::Args)]
 pub struct MarginsArgs {
-    /// CSV: freq_hz with re and im, or with mag (or mag_db) and phase_deg, of the open loop.
+    /// The response of the open loop: .csv, .mcap or .parquet with freq_hz, and re and im, or mag (or mag_db) and phase_deg; headers of
+    /// common analyzers are known.
     frf: PathBuf,
+    /// Which column is which, such as "mag_db=Channel 2 Magnitude (dB)"; NAME is freq_hz, freq_rad_s, re, im, mag, mag_db, phase_deg or
+    /// phase_rad. Repeatable.
+    #[arg(long, value_name = "NAME=HEADER")]
+    columns: Vec<String>,
     /// Print one JSON object and nothing else.
     #[arg(long)]
     json: bool,
 }
-
-const COLUMNS: &str = "freq_hz with re, im or mag, phase_deg (or mag_db, phase_deg)";
 
 /// Prints the margins.
 ///
 /// # Errors
 /// A file that cannot be read or is no frequency response.
 pub fn margins(args: &MarginsArgs) -> Result<bool, Box<dyn Error>> {
-    let file = TableFile::read(&args.frf)?;
-    let table = file.table()?;
-    let response = response(&table)?;
-    let margins = response.margins();
+    let table = open::numbers(&args.frf)?;
+    let (response, doubt) = response(&table, &given(&args.columns)?)?;
+    let mut margins = response.margins();
+    margins.doubts.extend(doubt);
     let place = args.frf.display().to_string();
     notes(&place, &margins);
     if args.json {
@@ -44,94 +49,72 @@ pub fn margins(args: &MarginsArgs) -> Result<bool, Box<dyn Error>> {
     Ok(true)
 }
 
-#[derive(Clone, Copy)]
-enum Format {
-    Parts(usize, usize),
-    Linear(usize, usize),
-    Decibels(usize, usize),
+/// Names of `--columns` with the headers that they mean.
+fn given(columns: &[String]) -> Result<Vec<(String, String)>, BadInput> {
+    let part = |text: &String| {
+        let (name, header) = text.split_once('=').ok_or_else(|| BadInput {
+            place: "--columns".to_owned(),
+            problem: "names no column".to_owned(),
+            found: shorten(text),
+            expected: "NAME=HEADER, such as \"mag_db=Channel 2 Magnitude (dB)\"".to_owned(),
+            next: format!("give NAME as one of {}", frf::NAMES.join(", ")),
+        })?;
+        Ok((name.trim().to_ascii_lowercase(), header.trim().to_owned()))
+    };
+    columns.iter().map(part).collect()
 }
 
-/// The response in a table.
-fn response(table: &Table) -> Result<Response, BadInput> {
-    let hz = table.need(&["freq_hz", "frequency_hz", "freq", "f_hz"], COLUMNS)?;
-    let find = |names: &[&str]| table.find(names);
-    let format = match (find(&["re"]), find(&["im"]), find(&["mag"]), find(&["mag_db"]), find(&["phase_deg"]))
-    {
-        (Some(re), Some(im), ..) => Format::Parts(re, im),
-        (_, _, Some(mag), _, Some(phase)) => Format::Linear(mag, phase),
-        (_, _, None, Some(mag), Some(phase)) => Format::Decibels(mag, phase),
-        (Some(_), None, ..) => return Err(missing(table, "im")),
-        (None, Some(_), ..) => return Err(missing(table, "re")),
-        (_, _, None, None, Some(_)) => return Err(missing(table, "mag")),
-        (_, _, Some(_), _, None) | (_, _, _, Some(_), None) => return Err(missing(table, "phase_deg")),
-        (None, None, None, None, None) => return Err(missing(table, "re")),
-    };
+/// The response in a table, and what raises a doubt in its columns.
+fn response(table: &Numbers, given: &[(String, String)]) -> Result<(Response, Option<String>), BadInput> {
+    let columns = frf::Columns::find(table, given).map_err(|error| match table.find(&[TIME]) {
+        Some(_) => BadInput {
+            next: format!(
+                "this is a recording: measure its response with `hil-sim bode --from {} --input T --output V`",
+                table.place()
+            ),
+            ..error
+        },
+        None => error,
+    })?;
     let mut points = Vec::with_capacity(table.len());
     let mut rows = Vec::with_capacity(table.len());
     for row in 0..table.len() {
-        let freq = table.number(row, hz)?;
-        if freq == 0.0 && points.is_empty() {
+        let point = columns.point(table, row)?;
+        if point.hz == 0.0 && points.is_empty() {
             warn("note: the row of 0 Hz is left out: a logarithmic axis has no 0");
             continue;
         }
-        points.push(Point { hz: freq, value: value(table, row, format)? });
+        points.push(point);
         rows.push(row);
     }
-    let column = match format {
-        Format::Parts(a, _) | Format::Linear(a, _) | Format::Decibels(a, _) => a,
-    };
-    Response::new(points).map_err(|error| match error {
+    let doubt = columns.doubt(table, &points);
+    let response = Response::new(points).map_err(|error| match error {
         ResponseError::TooFew { found } => table.bad_file(
             "too few points".to_owned(),
             format!("{found} rows"),
             format!("{FEWEST} at least"),
             "give more frequencies, at best ten a decade",
         ),
-        ResponseError::Frequency { at } => {
-            table.bad(rows[at], hz, "a frequency that is not above 0", "a frequency in Hz, above 0")
-        }
+        ResponseError::Frequency { at } => table.bad(
+            rows[at],
+            columns.frequency(),
+            "a frequency that is not above 0",
+            "a frequency in Hz, above 0",
+        ),
         ResponseError::Order { at } => table.bad(
             rows[at],
-            hz,
+            columns.frequency(),
             "a frequency that is not above the one before",
             "each frequency once, in rising order",
         ),
         ResponseError::Value { at } => table.bad(
             rows[at],
-            column,
+            columns.value(),
             "a response without magnitude or phase",
             "a magnitude of 1e-150 to 1e150",
         ),
-    })
-}
-
-fn value(table: &Table, row: usize, format: Format) -> Result<Complex64, BadInput> {
-    match format {
-        Format::Parts(re, im) => Ok(Complex64::new(table.number(row, re)?, table.number(row, im)?)),
-        Format::Linear(mag, phase) => {
-            let found = table.number(row, mag)?;
-            if found < 0.0 {
-                return Err(table.bad(
-                    row,
-                    mag,
-                    "negative",
-                    "a linear magnitude above 0; name it mag_db if it is in dB",
-                ));
-            }
-            Ok(Complex64::from_polar(found, table.number(row, phase)?.to_radians()))
-        }
-        Format::Decibels(mag, phase) => Ok(Complex64::from_polar(
-            10f64.powf(table.number(row, mag)? / 20.0),
-            table.number(row, phase)?.to_radians(),
-        )),
-    }
-}
-
-fn missing(table: &Table, name: &str) -> BadInput {
-    // `need` words what is missing; none of the names exists.
-    table.need(&[name], COLUMNS).err().unwrap_or_else(|| {
-        table.bad_file("wrong columns".to_owned(), name.to_owned(), COLUMNS.to_owned(), "rename the columns")
-    })
+    })?;
+    Ok((response, doubt))
 }
 
 /// The keys of JSON. What does not exist is null, with a sentence in `reasons`.

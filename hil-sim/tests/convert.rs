@@ -46,7 +46,7 @@ fn trace_is_byte_identical_after_all_formats() {
 #[test]
 fn metadata_absent_numbers_and_uneven_digits_survive() {
     let folder = folder("convert-odd");
-    let csv = "# seed=7\n# commit=a=b µ\n# empty=\ntime_ms,bus_v,IMOTOR,strain\n0,24.5,,-0\n1,24,-3,0\n2,-0.125,9007199254740993,1\n";
+    let csv = "# seed=7\n# commit=a=b µ\n# empty=\ntime_ms,bus_v,IMOTOR,strain\n0,24.5,,-0\n1,24,-3,0\n2,-0.125,999999999999,1\n";
     std::fs::write(folder.join("a.csv"), csv).expect("ours");
     convert(&folder, "a.csv", "b.mcap");
     convert(&folder, "b.mcap", "c.parquet");
@@ -65,7 +65,10 @@ fn bad_input_is_named_by_file_and_place() {
             "time_ms,windng_c\n0,1\n",
             &["in.csv:1: column windng_c", "unknown column", "did you mean winding_c?"],
         ),
-        ("time_ms,bus_v\n0,1\n1,2", &["in.csv:3", "truncated"]),
+        ("time_ms,bus_v\n0,1\n1", &["in.csv:3", "1 columns"]),
+        ("time_ms,bus_v\n0,1\n0,2\n", &["in.csv:3: column time_ms", "more than 0"]),
+        ("time_ms,bus_v\n1,1\n0,2\n", &["in.csv:3: column time_ms", "more than 1"]),
+        ("time_ms,bus_v\n0,1e300\n", &["in.csv:2: column bus_v", "-1e12 to 1e12"]),
         ("", &["in.csv", "truncated"]),
         ("name = 'x'\n", &["in.csv:1", "time_ms"]),
     ] {

@@ -65,9 +65,9 @@ fn bad_recordings_are_refused_and_nothing_is_written() {
     let dir = folder("bad");
     let head = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on,torque_per_1024\n";
     for (name, text, problem) in [
-        ("empty.csv", Vec::new(), "time_ms is missing"),
-        ("binary.csv", vec![0xff, 0xfe, 0x00], "is no text"),
-        ("nan.csv", format!("{head}0,2,nan,0.1,20.0,1,100\n").into_bytes(), "bus_v is not a number"),
+        ("empty.csv", Vec::new(), "a header and rows"),
+        ("binary.csv", vec![0xff, 0xfe, 0x00], "no text"),
+        ("nan.csv", format!("{head}0,2,nan,0.1,20.0,1,100\n").into_bytes(), "bus_v: no number"),
         ("short.csv", format!("{head}0,2,24.0,0.1,20.0,1,100\n").into_bytes(), "too short"),
         (
             "gap.csv",

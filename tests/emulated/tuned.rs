@@ -95,7 +95,7 @@ fn unknown_motor_gets_gains_of_its_own_and_its_old_ones_back() {
     wait(&mut bus, 100);
 
     let recorded = excite(&mut bus, id(NODE), &mut |_| {}).unwrap_or_else(|e| panic!("{e:?}"));
-    let found = identify(&Recording::parse("trace.csv", &csv(&recorded), None).expect("a recording"));
+    let found = identify(&Recording::of_csv("trace.csv", csv(&recorded), None).expect("a recording"));
     near("Ke", found.ke_v_s, plant.ke_v_s, 3.0);
     near("R", found.r_ohm, plant.r_ohm, 5.0);
     near("inertia", found.j_kg_m2, plant.j_kg_m2, 8.0);

@@ -2,8 +2,10 @@
 #![forbid(unsafe_code)]
 
 pub mod csv;
+pub mod format;
 pub mod input;
 pub mod mcap;
 pub mod names;
+pub mod numbers;
 pub mod parquet;
 pub mod table;

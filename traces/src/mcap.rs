@@ -91,6 +91,9 @@ impl<W: Write + Seek> Messages<W> {
             }
         }
         message.push('}');
+        // A table without time, such as a frequency response: a millisecond a row.
+        let has_time = self.heading.columns.iter().any(|column| column.name == TIME);
+        let time = if has_time { time } else { row.checked_mul(1_000_000) };
         let time = time.ok_or_else(|| TableError::place(row, TIME, "no time", "0 or more ms"))?;
         let channel = self.file.add_channel(self.schema, &topic, "json", &BTreeMap::new())?;
         // The number wraps after years of a recording.

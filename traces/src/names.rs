@@ -1,6 +1,6 @@
 //! Names and units of the columns of traces. The unit of a column is in its name.
 
-use super::table::{Column, Heading, TableError};
+use super::table::{Cell, Column, Source, TableError};
 use crate::input::did_you_mean;
 
 /// The column that is first in every trace.
@@ -40,54 +40,102 @@ pub fn unit(name: &str) -> &'static str {
     UNITS.iter().find(|(end, _)| name.ends_with(end)).map_or("", |(_, unit)| unit)
 }
 
-/// Checks that a table is a trace whose columns have names that are `known`.
+/// Largest magnitude of a number in a trace, and of a time, ms: those since 1970 have 13 digits.
+const LARGEST: f64 = 1e12;
+const LATEST: f64 = 1e13;
+
+/// Checks that a table is a trace whose columns have names that are `known`: numbers alone, and times that rise, for each motor.
 ///
 /// # Errors
-/// Another first column than the time, a name that no trace has, or no numbers.
-pub fn check(heading: &Heading, known: &[&str]) -> Result<(), TableError> {
+/// Another first column than the time, a name that no trace has, or the first cell that does not belong there, by its line.
+pub fn check(source: &dyn Source, known: &[&str]) -> Result<(), TableError> {
+    let heading = source.heading();
+    let top = source.header_line().unwrap_or(1);
     let first = heading.columns.first().map_or("nothing", |column| column.name.as_str());
     if first != TIME {
-        return Err(TableError::place(1, first, first, format!("{TIME}, the first column of a trace")));
+        return Err(TableError::place(top, first, first, format!("{TIME}, the first column of a trace")));
     }
     for (index, Column { name, .. }) in heading.columns.iter().enumerate() {
         if heading.columns.iter().take(index).any(|before| before.name == *name) {
-            return Err(TableError::place(1, name, "the column a second time", "each column once"));
+            return Err(TableError::place(top, name, "the column a second time", "each column once"));
         }
         if !known.contains(&name.as_str()) {
             let expected = match did_you_mean(name, known.iter().copied()) {
                 Some(question) => format!("a column of a trace; {question}"),
                 None => "a column of a trace (docs/traces.md), or a property's name".to_owned(),
             };
-            return Err(TableError::place(1, name, "an unknown column", expected));
+            return Err(TableError::place(top, name, "an unknown column", expected));
         }
     }
-    Ok(())
+    let motor = heading.columns.iter().position(|column| column.name == MOTOR);
+    let mut last: Vec<(Cell, f64)> = Vec::new();
+    let mut row = 0;
+    source.rows(&mut |cells| {
+        row += 1;
+        let line = source.line(row);
+        for (column, cell) in heading.columns.iter().zip(cells) {
+            check_cell(line, column, cell)?;
+        }
+        let of = motor.and_then(|at| cells.get(at)).cloned().unwrap_or(Cell::Absent);
+        let time = cells.first().and_then(Cell::number).unwrap_or_default();
+        match last.iter_mut().find(|(motor, _)| *motor == of) {
+            None => last.push((of, time)),
+            Some((_, before)) if time > *before => *before = time,
+            Some((_, before)) => {
+                let expected = format!("more than {before}: times in rising order, each once");
+                return Err(TableError::place(line, TIME, time.to_string(), expected));
+            }
+        }
+        Ok(())
+    })
+}
+
+fn check_cell(line: u64, column: &Column, cell: &Cell) -> Result<(), TableError> {
+    let most = if column.name == TIME { LATEST } else { LARGEST };
+    match cell {
+        Cell::Absent if column.name == TIME => Err(TableError::place(line, TIME, "nothing", "a time")),
+        Cell::Absent => Ok(()),
+        Cell::Text(text) if text.parse::<f64>().is_ok_and(f64::is_finite) => Ok(()),
+        Cell::Text(text) => Err(TableError::place(line, &column.name, text.clone(), "a finite number")),
+        Cell::Float(_) | Cell::Int(_) => {
+            let value = cell.number().unwrap_or_default();
+            let expected = || format!("a number from -{most:e} to {most:e}");
+            if value.abs() <= most {
+                Ok(())
+            } else {
+                Err(TableError::place(line, &column.name, format!("{value:e}"), expected()))
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::Kind;
-
     const KNOWN: [&str; 5] = [TIME, MOTOR, "bus_v", "winding_c", "IMOTOR"];
+
+    fn checked(csv: &str) -> Result<(), String> {
+        let source = crate::csv::Reader::new(csv.into()).map_err(|error| error.to_string())?;
+        check(&source, &KNOWN).map_err(|error| error.to_string())
+    }
 
     #[test]
     fn other_tables_are_no_traces() {
-        let table = |names: &[&str]| Heading {
-            columns: names.iter().map(|name| Column::new(*name, "", Kind::Float)).collect(),
-            metadata: Vec::new(),
-        };
-        assert!(check(&table(&["time_ms", "motor", "bus_v", "IMOTOR"]), &KNOWN).is_ok());
-        for (names, words) in [
-            (&["x", "y"][..], "found x, expected time_ms"),
-            (&[], "found nothing"),
+        assert_eq!(checked("time_ms,motor,bus_v,IMOTOR\n0,1,24,\n0,5,24,3\n1,1,,\n"), Ok(()));
+        for (csv, words) in [
+            ("x,y\n", "row 1, column x: found x, expected time_ms"),
             (
-                &["time_ms", "windng_c"],
-                "column windng_c: found an unknown column, expected a column of a trace; did you mean winding_c?",
+                "# a=b\n\ntime_ms,windng_c\n",
+                "row 3, column windng_c: found an unknown column, expected a column of a trace; did you mean winding_c?",
             ),
-            (&["time_ms", "bus_v", "bus_v"], "a second time"),
+            ("time_ms,bus_v,bus_v\n", "a second time"),
+            ("time_ms,bus_v\n0,1\n\n1,24 V\n", "row 4, column bus_v: found 24 V, expected a finite number"),
+            ("time_ms,bus_v\n0,1\n1,1e300\n", "row 3, column bus_v: found 1e300, expected a number from"),
+            ("time_ms,bus_v\n0,1\n0,1\n", "row 3, column time_ms: found 0, expected more than 0"),
+            ("time_ms,bus_v\n1,1\n0,1\n", "row 3, column time_ms: found 0, expected more than 1"),
+            ("time_ms,bus_v\n,1\n", "row 2, column time_ms: found nothing, expected a time"),
         ] {
-            let error = check(&table(names), &KNOWN).expect_err("refused").to_string();
+            let error = checked(csv).expect_err(csv);
             assert!(error.contains(words), "{error}");
         }
     }

@@ -83,6 +83,18 @@ pub enum Cell {
     Text(String),
 }
 
+impl Cell {
+    /// Its number, if it has one.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Float(value) => Some(*value),
+            Self::Int(value) => Some(*value as f64),
+            Self::Absent | Self::Text(_) => None,
+        }
+    }
+}
+
 impl From<f64> for Cell {
     fn from(value: f64) -> Self {
         Self::Float(value)
@@ -179,6 +191,21 @@ pub trait Source {
     /// # Errors
     /// Those of a damaged file and of `sink`.
     fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError>;
+
+    /// Where a row is found, the first of which is 1: the line of a text file; of other files the row itself.
+    fn line(&self, row: u64) -> u64 {
+        row
+    }
+
+    /// The line of a text file's header.
+    fn header_line(&self) -> Option<u64> {
+        None
+    }
+
+    /// What was guessed about the file, for its user.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// Writes a cell as text formats have it; an absent cell is empty.

@@ -5,6 +5,7 @@
 
 pub mod bode;
 pub mod compare;
+pub mod frf;
 pub mod identify;
 pub mod multisine;
 pub mod response;

@@ -2,14 +2,18 @@
 
 use hil_world::rig::halls::CODES;
 use tater_wire::MotorKind;
-use traces::input::{BadInput, shorten};
-use traces::names::UNIT_N_M;
+use traces::input::BadInput;
+use traces::names::{MOTOR, TIME, UNIT_N_M, UNTRUSTED};
+use traces::numbers::Numbers;
 
-/// Columns that a recording must have.
-const NEEDED: [&str; 6] = ["time_ms", "halls_code", "bus_v", "bus_a", "bridge_on", "torque_per_1024"];
+/// What a recording must have.
+const EXPECTED: &str = "time_ms, halls_code, bus_v, bus_a, torque_per_1024, and bridge_on or mode: a trace of `hil-sim run --out`, `excite` or `log`";
 
-/// Longest time between two rows, ms: at 300 counts/s the rotor passes three of six sectors.
+/// Longest time between two rows, ms, of a motor that turns at 300 counts/s at most: it passes three of six sectors.
 const MOST_MS: f64 = 10.0;
+
+/// The same with positions, which tell the turns: twelve answers of a board on a slow USB adapter take 24 ms, and a busy host adds some.
+const MOST_WITH_POSITION_MS: f64 = 100.0;
 
 /// Fastest motor, counts/ms.
 const MOST_COUNTS_MS: f64 = 3.0;
@@ -62,75 +66,7 @@ pub struct Recording {
     pub has_temperature: bool,
 }
 
-/// The columns of a file.
-struct Columns<'a> {
-    file: &'a str,
-    names: Vec<&'a str>,
-}
-
-/// A row of the file.
-struct Line<'a> {
-    number: usize,
-    fields: Vec<&'a str>,
-}
-
 const NEXT: &str = "record the move again, with `hil-sim excite` or `hil-sim run --out`";
-
-impl<'a> Columns<'a> {
-    fn bad(&self, line: usize, problem: String, found: &str, expected: &str, next: &str) -> BadInput {
-        BadInput {
-            place: if line == 0 { self.file.to_owned() } else { format!("{}:{line}", self.file) },
-            problem,
-            found: shorten(found),
-            expected: expected.to_owned(),
-            next: next.to_owned(),
-        }
-    }
-
-    fn index(&self, name: &str) -> Option<usize> {
-        self.names.iter().position(|of| *of == name)
-    }
-
-    fn header(file: &'a str, text: &'a str) -> Result<Self, BadInput> {
-        let names: Vec<&str> = text.lines().next().unwrap_or("").split(',').map(str::trim).collect();
-        let columns = Self { file, names };
-        for name in NEEDED {
-            if columns.index(name).is_none() {
-                return Err(columns.bad(
-                    1,
-                    format!("the column {name} is missing"),
-                    text.lines().next().unwrap_or(""),
-                    &format!("a header with {}", NEEDED.join(", ")),
-                    "give a trace.csv of `hil-sim run --out` or of `hil-sim excite`",
-                ));
-            }
-        }
-        Ok(columns)
-    }
-
-    /// The number in a column; `None` if the column is absent or the field empty.
-    fn maybe(&self, line: &Line, name: &str) -> Result<Option<f64>, BadInput> {
-        let Some(field) = self.index(name).and_then(|index| line.fields.get(index)) else { return Ok(None) };
-        if field.is_empty() {
-            return Ok(None);
-        }
-        match field.parse::<f64>().ok().filter(|value| value.is_finite() && value.abs() < 1e9) {
-            Some(value) => Ok(Some(value)),
-            None => {
-                let problem = format!("{name} is not a number");
-                Err(self.bad(line.number, problem, field, "a finite decimal number", NEXT))
-            }
-        }
-    }
-
-    fn number(&self, line: &Line, name: &str) -> Result<f64, BadInput> {
-        self.maybe(line, name)?.ok_or_else(|| {
-            self.bad(line.number, format!("{name} is empty"), "nothing", "a decimal number", NEXT)
-        })
-    }
-}
-
-const MOTORS: [MotorKind; 3] = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
 
 /// Number of a motor's first node, as the column `motor` has it.
 const fn node_of(motor: MotorKind) -> f64 {
@@ -141,154 +77,238 @@ const fn node_of(motor: MotorKind) -> f64 {
     }
 }
 
+const MOTORS: [MotorKind; 3] = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
+
+/// The columns of a file.
+struct Columns<'a> {
+    of: &'a Numbers,
+    time: usize,
+    halls: usize,
+    bus_v: usize,
+    bus_a: usize,
+    torque: usize,
+    bridge: Bridge,
+    motor: Option<usize>,
+    position: Option<usize>,
+    duty: Option<usize>,
+    thermistor: Option<usize>,
+    released: Option<usize>,
+    /// Answers that a log could not trust: cells of its rows may be empty.
+    untrusted: bool,
+}
+
+/// What tells whether the bridge is on.
+#[derive(Clone, Copy)]
+enum Bridge {
+    /// `bridge_on`.
+    On(usize),
+    /// MODE, which is 0 without power.
+    Mode(usize),
+}
+
+impl<'a> Columns<'a> {
+    fn new(of: &'a Numbers) -> Result<Self, BadInput> {
+        let need = |name: &str| of.need(&[name], EXPECTED);
+        let bridge = match (of.find(&["bridge_on"]), of.find(&["mode"])) {
+            (Some(column), _) => Bridge::On(column),
+            (None, Some(column)) => Bridge::Mode(column),
+            (None, None) => Bridge::On(need("bridge_on")?),
+        };
+        Ok(Self {
+            of,
+            time: need(TIME)?,
+            halls: need("halls_code")?,
+            bus_v: need("bus_v")?,
+            bus_a: need("bus_a")?,
+            torque: need("torque_per_1024")?,
+            bridge,
+            motor: of.find(&[MOTOR]),
+            position: of.find(&["position_estimated_counts"]),
+            duty: of.find(&["duty_percent"]),
+            thermistor: of.find(&["thermistor_c"]),
+            released: of.find(&["brake_released"]),
+            untrusted: of.find(&[UNTRUSTED]).is_some(),
+        })
+    }
+
+    /// An error of the whole file.
+    fn bad(&self, problem: &str, found: String, expected: String, next: &str) -> BadInput {
+        self.of.bad_file(problem.to_owned(), found, expected, next)
+    }
+
+    fn maybe(&self, row: usize, column: Option<usize>) -> Result<Option<f64>, BadInput> {
+        column.map_or(Ok(None), |column| self.of.maybe(row, column))
+    }
+
+    /// A number that must be in its range.
+    fn within(&self, row: usize, column: usize, range: [f64; 2], expected: &str) -> Result<f64, BadInput> {
+        let value = self.of.number(row, column)?;
+        let is_within = (range[0]..=range[1]).contains(&value);
+        if is_within { Ok(value) } else { Err(self.of.bad(row, column, "out of range", expected)) }
+    }
+
+    /// Whether a log lacks one of the numbers that a row must have: an answer was damaged.
+    fn is_lost(&self, row: usize) -> bool {
+        let (Bridge::On(bridge) | Bridge::Mode(bridge)) = self.bridge;
+        let needed = [self.halls, self.bus_v, self.bus_a, self.torque, bridge];
+        self.untrusted && needed.iter().any(|column| matches!(self.of.maybe(row, *column), Ok(None)))
+    }
+
+    /// The kind of motor of a row; `None` if the row is another motor's than `motor`. `only` is the node of the rows before.
+    fn kind(
+        &self,
+        row: usize,
+        motor: Option<MotorKind>,
+        only: &mut Option<f64>,
+    ) -> Result<Option<Option<MotorKind>>, BadInput> {
+        let Some(column) = self.motor else { return Ok(Some(motor)) };
+        let node = self.of.number(row, column)?;
+        let kind = motor.or(MOTORS.into_iter().find(|kind| node_of(*kind) == node));
+        match motor {
+            Some(motor) if node_of(motor) != node => Ok(None),
+            None if *only.get_or_insert(node) != node => {
+                let expected = "one motor: choose it with --motor link, --motor spread or --motor tip";
+                Err(self.of.bad(row, column, "the trace has several motors", expected))
+            }
+            _ => Ok(Some(kind)),
+        }
+    }
+
+    fn row(&self, row: usize, ms: f64, cell: i64, motor: Option<MotorKind>) -> Result<Row, BadInput> {
+        let duty = match self.duty {
+            Some(column) if self.of.maybe(row, column)?.is_some() => {
+                Some(self.within(row, column, [-100.0, 100.0], "-100 to 100")? / 100.0)
+            }
+            _ => None,
+        };
+        // The range of THERM.
+        let housing_c = match self.thermistor {
+            Some(column) if self.of.maybe(row, column)?.is_some() => {
+                self.within(row, column, [-55.0, 125.0], "-55 to 125 C")?
+            }
+            _ => 25.0,
+        };
+        let is_driven = match self.bridge {
+            Bridge::On(column) => match self.of.number(row, column)? {
+                0.0 => false,
+                1.0 => true,
+                _ => return Err(self.of.bad(row, column, "neither", "0 or 1")),
+            },
+            Bridge::Mode(column) => self.of.number(row, column)? != 0.0,
+        };
+        let released = self.maybe(row, self.released)?.is_some_and(|released| released > 0.5);
+        Ok(Row {
+            t_s: ms / 1000.0,
+            cell,
+            bus_v: self.within(row, self.bus_v, [1.0, 60.0], "1 to 60 V")?,
+            bus_a: self.of.number(row, self.bus_a)?,
+            duty,
+            torque_n_m: self.of.number(row, self.torque)? * UNIT_N_M,
+            is_driven,
+            is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
+            housing_c,
+        })
+    }
+
+    fn check_time(&self, row: usize, before: Option<(usize, f64)>) -> Result<f64, BadInput> {
+        let ms = self.of.number(row, self.time)?;
+        let Some((_, before_ms)) = before else { return Ok(ms) };
+        if ms <= before_ms {
+            let expected = format!("more than {before_ms}: rows sorted by time_ms, each time once");
+            return Err(self.of.bad(row, self.time, "does not rise", &expected));
+        }
+        let most = if self.position.is_some() { MOST_WITH_POSITION_MS } else { MOST_MS };
+        if ms - before_ms > most {
+            let problem = format!("a gap of {:.1} ms", ms - before_ms);
+            let expected = format!("a row at least every {most} ms: record the move again");
+            return Err(self.of.bad(row, self.time, &problem, &expected));
+        }
+        Ok(ms)
+    }
+}
+
 impl Recording {
+    /// Reads a trace of the file `place` from CSV, as [`Recording::read`].
+    ///
+    /// # Errors
+    /// The same, and those of the text.
+    pub fn of_csv(place: &str, text: String, motor: Option<MotorKind>) -> Result<Self, BadInput> {
+        let source = traces::csv::Reader::new(text.into_bytes())
+            .map_err(|error| traces::numbers::bad(place, error))?;
+        Self::read(&Numbers::read(place, &source)?, motor)
+    }
+
     /// Reads a trace. `motor` selects the rows of a file with several motors, and tells whether its brake stops a motor without
     /// power; without it a coasting rotor is not used.
     ///
     /// # Errors
     /// The place, the problem and the next step: a column missing, a field that is no number, times that do not rise, a gap, an
     /// impossible hall code, too few rows, or no motion.
-    pub fn parse(file: &str, text: &str, motor: Option<MotorKind>) -> Result<Self, BadInput> {
-        // Spreadsheets write a byte order mark.
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let columns = Columns::header(file, text)?;
-        let has_several = columns.index("motor").is_some();
+    pub fn read(numbers: &Numbers, motor: Option<MotorKind>) -> Result<Self, BadInput> {
+        let columns = Columns::new(numbers)?;
         let mut rows: Vec<Row> = Vec::new();
         let mut unwrap = Unwrap::default();
-        let mut invalid = 0;
-        let mut last = (0, 0.0);
-        let (mut only, mut other) = (None, None);
-        for (index, text) in text.lines().enumerate().skip(1).filter(|(_, text)| !text.trim().is_empty()) {
-            let line = Line { number: index + 1, fields: text.split(',').map(str::trim).collect() };
-            if line.fields.len() != columns.names.len() {
-                let found = format!("{} fields", line.fields.len());
-                let expected = format!("{} fields, as the header has", columns.names.len());
-                let problem = "the row does not fit the header".to_owned();
-                return Err(columns.bad(line.number, problem, &found, &expected, NEXT));
+        let (mut invalid, mut start) = (0, None);
+        let (mut last, mut only) = (None, None);
+        for index in 0..numbers.len() {
+            let Some(kind) = columns.kind(index, motor, &mut only)? else { continue };
+            if columns.is_lost(index) {
+                continue;
             }
-            let mut kind = motor;
-            if has_several {
-                let node = columns.number(&line, "motor")?;
-                kind = kind.or(MOTORS.into_iter().find(|kind| node_of(*kind) == node));
-                match motor {
-                    Some(motor) if node_of(motor) != node => {
-                        other = Some((line.number, node));
-                        continue;
-                    }
-                    Some(_) => {}
-                    None if *only.get_or_insert(node) != node => {
-                        let problem = "the trace has several motors".to_owned();
-                        let next = "choose one: --motor link, --motor spread or --motor tip";
-                        return Err(columns.bad(line.number, problem, text, "one motor", next));
-                    }
-                    None => {}
-                }
-            }
-            let ms = columns.number(&line, "time_ms")?;
-            if !rows.is_empty() {
-                check_time(&columns, line.number, last, ms)?;
-            }
-            last = (line.number, ms);
-            let code = columns.number(&line, "halls_code")?;
-            let position = columns.maybe(&line, "position_estimated_counts")?;
+            let ms = columns.check_time(index, last)?;
+            last = Some((index, ms));
+            // A clock's times have too few digits left for milliseconds.
+            let ms = ms - *start.get_or_insert(if ms < 1e9 { 0.0 } else { ms });
+            let code = numbers.number(index, columns.halls)?;
+            let position = columns.maybe(index, columns.position)?;
             let sector = CODES.iter().position(|of| f64::from(*of) == code);
             invalid += usize::from(sector.is_none());
-            rows.push(columns.row(&line, ms, unwrap.cell(sector, position, ms), kind)?);
+            rows.push(columns.row(index, ms, unwrap.cell(sector, position, ms), kind)?);
         }
-        if let Some((number, node)) = other.filter(|_| rows.is_empty()) {
-            let problem = "the trace has no row of this motor".to_owned();
-            let next = "give the --motor that was recorded, or leave --motor out";
-            let expected = "motor 1 (link), 4 (spread) or 5 (tip), as --motor has it";
-            return Err(columns.bad(number, problem, &format!("motor {node}"), expected, next));
+        if let (true, Some(motor), Some(column)) = (rows.is_empty(), motor, columns.motor)
+            && !numbers.is_empty()
+        {
+            let expected = format!("motor {} ({}), as --motor has it", node_of(motor), motor.name());
+            return Err(numbers.bad(0, column, "the trace has no row of this motor", &expected));
         }
         if unwrap.astray as f64 > MOST_SWAPPED * rows.len() as f64 {
             invalid = invalid.max(unwrap.astray);
         }
-        check_length(&columns, &rows, last.0, invalid)?;
+        check_length(&columns, &rows, invalid)?;
         let bus_step_v = bus_step(&rows);
-        Ok(Self { rows, bus_step_v, has_temperature: columns.index("thermistor_c").is_some() })
+        Ok(Self { rows, bus_step_v, has_temperature: columns.thermistor.is_some() })
     }
 }
 
-impl Columns<'_> {
-    fn row(&self, line: &Line, ms: f64, cell: i64, motor: Option<MotorKind>) -> Result<Row, BadInput> {
-        let within = |name: &str, value: f64, low: f64, high: f64, expected: &str| {
-            if (low..=high).contains(&value) {
-                return Ok(value);
-            }
-            Err(self.bad(line.number, format!("{name} is out of range"), &value.to_string(), expected, NEXT))
-        };
-        let percent = self.maybe(line, "duty_percent")?;
-        let percent = percent.map(|percent| within("duty_percent", percent, -100.0, 100.0, "-100 to 100"));
-        let housing_c = self.maybe(line, "thermistor_c")?.unwrap_or(25.0);
-        let bridge_on = self.number(line, "bridge_on")?;
-        if bridge_on != 0.0 && bridge_on != 1.0 {
-            let problem = "bridge_on is neither".to_owned();
-            return Err(self.bad(line.number, problem, &bridge_on.to_string(), "0 or 1", NEXT));
-        }
-        let released = self.maybe(line, "brake_released")?.is_some_and(|released| released > 0.5);
-        Ok(Row {
-            t_s: ms / 1000.0,
-            cell,
-            bus_v: within("bus_v", self.number(line, "bus_v")?, 1.0, 60.0, "1 to 60 V")?,
-            bus_a: self.number(line, "bus_a")?,
-            duty: percent.transpose()?.map(|percent| percent / 100.0),
-            torque_n_m: self.number(line, "torque_per_1024")? * UNIT_N_M,
-            is_driven: bridge_on == 1.0,
-            is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
-            // The range of THERM.
-            housing_c: within("thermistor_c", housing_c, -55.0, 125.0, "-55 to 125 C")?,
-        })
-    }
-}
-
-fn check_time(
-    columns: &Columns,
-    line: usize,
-    (before, before_ms): (usize, f64),
-    ms: f64,
-) -> Result<(), BadInput> {
-    if ms <= before_ms {
-        let problem = format!("time_ms does not rise: line {before} has {before_ms}");
-        let next = "sort the rows by time_ms, each time once, or record the move again";
-        return Err(columns.bad(line, problem, &ms.to_string(), &format!("more than {before_ms}"), next));
-    }
-    if ms - before_ms > MOST_MS {
-        let problem = format!("a gap of {:.1} ms after line {before}", ms - before_ms);
-        let expected = format!("a row at least every {MOST_MS} ms");
-        return Err(columns.bad(line, problem, &format!("time_ms {ms}"), &expected, NEXT));
-    }
-    Ok(())
-}
-
-fn check_length(columns: &Columns, rows: &[Row], line: usize, invalid: usize) -> Result<(), BadInput> {
+fn check_length(columns: &Columns, rows: &[Row], invalid: usize) -> Result<(), BadInput> {
     let span = rows.first().zip(rows.last()).map_or(0.0, |(first, last)| 1e3 * (last.t_s - first.t_s));
     if span < LEAST_MS {
         let found = format!("{} rows over {span:.0} ms", rows.len());
         let expected = format!("a move of {LEAST_MS} ms or more");
-        return Err(columns.bad(line, "the recording is too short".to_owned(), &found, &expected, NEXT));
+        return Err(columns.bad("the recording is too short", found, expected, NEXT));
     }
     if invalid as f64 > MOST_INVALID * rows.len() as f64 {
-        let problem = "halls_code is impossible or not of the standard wiring".to_owned();
+        let problem = "halls_code is impossible or not of the standard wiring";
         let found = format!("{invalid} of {} rows", rows.len());
         let next = "check the hall cable, or let FIND learn the wiring, and record the move again";
-        return Err(columns.bad(0, problem, &found, "2, 6, 4, 5, 1 and 3", next));
+        return Err(columns.bad(problem, found, "2, 6, 4, 5, 1 and 3".to_owned(), next));
     }
     let cells = || rows.iter().map(|row| row.cell);
     let moved = cells().max().unwrap_or(0) - cells().min().unwrap_or(0);
     if moved < LEAST_COUNTS {
-        let problem = "the motor did not move".to_owned();
+        let problem = "the motor did not move";
         let found = format!("{moved} counts of travel");
         let expected = format!("{LEAST_COUNTS} counts or more");
         let next = "record a move through free travel; `hil-sim excite` makes one";
-        return Err(columns.bad(0, problem, &found, &expected, next));
+        return Err(columns.bad(problem, found, expected, next));
     }
     let amperes = || rows.iter().map(|row| row.bus_a);
     if amperes().all(|bus_a| Some(bus_a) == rows.first().map(|row| row.bus_a)) {
-        let problem = "bus_a never changes".to_owned();
+        let problem = "bus_a never changes";
         let found = format!("{} A in every row", rows.first().map_or(0.0, |row| row.bus_a));
         let next = "check the current sensor (GET IMOTOR while the motor pushes), and record the move again";
-        return Err(columns.bad(0, problem, &found, "the measured current of a motor that was driven", next));
+        let expected = "the measured current of a motor that was driven".to_owned();
+        return Err(columns.bad(problem, found, expected, next));
     }
     Ok(())
 }
@@ -357,13 +377,17 @@ mod tests {
         std::iter::once(HEADER.to_owned()).chain((0..rows).map(row)).collect()
     }
 
+    fn read(text: &str, motor: Option<MotorKind>) -> Result<Recording, BadInput> {
+        Recording::of_csv("t.csv", text.to_owned(), motor)
+    }
+
     fn error(lines: &[String]) -> String {
-        Recording::parse("t.csv", &lines.join("\n"), None).expect_err("refused").to_string()
+        read(&lines.join("\n"), None).expect_err("refused").to_string()
     }
 
     #[test]
     fn trace_is_unwrapped() {
-        let recording = Recording::parse("t.csv", &trace(500).join("\n"), None).expect("valid");
+        let recording = read(&trace(500).join("\n"), None).expect("valid");
         let cells = |index: usize| recording.rows.get(index).map(|row| row.cell);
         assert_eq!((cells(0), cells(65), cells(499)), (Some(0), Some(6), Some(49)));
         assert!((recording.bus_step_v - 0.1).abs() < 1e-9);
@@ -380,17 +404,36 @@ mod tests {
 
     #[test]
     fn swapped_hall_lines_are_refused() {
-        Recording::parse("t.csv", &positions(|code| code), None).expect("valid");
+        read(&positions(|code| code), None).expect("valid");
         let swapped = positions(|code| code & 4 | (code & 1) << 1 | code >> 1 & 1);
-        let error = Recording::parse("t.csv", &swapped, None).expect_err("refused").to_string();
+        let error = read(&swapped, None).expect_err("refused").to_string();
         assert!(error.contains("not of the standard wiring"), "{error}");
+    }
+
+    /// What `hil-sim log` writes: no bridge_on, rows 20 ms apart, and an answer that was lost.
+    #[test]
+    fn log_is_a_recording() {
+        let head = "# recorded_by=hil-sim\ntime_ms,mode,position_estimated_counts,torque_per_1024,bus_v,bus_a,halls_code,untrusted\n";
+        let row = |at: usize| {
+            let (ms, count) = (1_764_000_000_000_u64 + 20 * at as u64, 4 * at);
+            let current = if at == 40 { String::new() } else { format!("0.{}", at % 7) };
+            format!("{ms},4,{count},200,24.0,{current},{},{}\n", CODES[count % 6], u8::from(at == 40))
+        };
+        let text: String = std::iter::once(head.to_owned()).chain((0..100).map(row)).collect();
+        let recording = read(&text, None).expect("valid");
+        let last = recording.rows.last().expect("rows");
+        assert_eq!((recording.rows.len(), last.cell, last.is_driven), (99, 396, true));
+        assert!((last.t_s - 1.98).abs() < 1e-9, "{last:?}");
     }
 
     #[test]
     fn motor_that_was_not_recorded_is_refused() {
         let text = positions(|code| code);
-        let error = Recording::parse("t.csv", &text, Some(MotorKind::Tip)).expect_err("refused").to_string();
-        assert!(error.contains("no row of this motor") && error.contains("motor 1"), "{error}");
+        let error = read(&text, Some(MotorKind::Tip)).expect_err("refused").to_string();
+        assert!(
+            error.contains("no row of this motor") && error.contains("expected: motor 5 (tip)"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -410,18 +453,18 @@ mod tests {
         let row = |ms: usize| format!("{ms},2,24.0,0.1,20.0,1,200");
         let still: Vec<String> = std::iter::once(HEADER.to_owned()).chain((0..300).map(row)).collect();
         for (lines, place, problem) in [
-            (with(0, "time_ms,halls_code,bus_v,bus_a,duty_percent"), "t.csv:1", "bridge_on is missing"),
-            (with(3, "2,2,NaN,0.1,20.0,1,200"), "t.csv:4", "bus_v is not a number"),
-            (with(3, "2,2,,0.1,20.0,1,200"), "t.csv:4", "bus_v is empty"),
-            (with(3, "2,2,24.0,0.1,20.0,2,200"), "t.csv:4", "bridge_on is neither"),
-            (with(3, "2,2,24.0,0.1,20.0,1,"), "t.csv:4", "torque_per_1024 is empty"),
-            (with(0, &HEADER.replace(",torque_per_1024", "")), "t.csv:1", "torque_per_1024 is missing"),
+            (with(0, "time_ms,halls_code,bus_v,bus_a,duty_percent"), "t.csv:1", "no column bridge_on"),
+            (with(3, "2,2,NaN,0.1,20.0,1,200"), "t.csv:4", "bus_v: no number"),
+            (with(3, "2,2,,0.1,20.0,1,200"), "t.csv:4", "bus_v: an empty cell"),
+            (with(3, "2,2,24.0,0.1,20.0,2,200"), "t.csv:4", "bridge_on: neither"),
+            (with(3, "2,2,24.0,0.1,20.0,1,"), "t.csv:4", "torque_per_1024: an empty cell"),
+            (with(0, &HEADER.replace(",torque_per_1024", "")), "t.csv:1", "no column torque_per_1024"),
             (without_current, "t.csv", "bus_a never changes"),
-            (too_hot, "t.csv:2", "thermistor_c is out of range"),
-            (with(3, "2,2,24.0,0.1"), "t.csv:4", "does not fit the header"),
-            (with(3, "0,2,24.0,0.1,20.0,1,200"), "t.csv:4", "time_ms does not rise"),
-            (gap, "t.csv:51", "a gap of 21.0 ms after line 50"),
-            (trace(50), "t.csv:51", "too short"),
+            (too_hot, "t.csv:2", "thermistor_c: out of range"),
+            (with(3, "2,2,24.0,0.1"), "t.csv:4", "4 columns"),
+            (with(3, "0,2,24.0,0.1,20.0,1,200"), "t.csv:4", "time_ms: does not rise"),
+            (gap, "t.csv:51", "a gap of 21.0 ms"),
+            (trace(50), "t.csv", "too short"),
             (vec![HEADER.to_owned()], "t.csv", "too short"),
             (still, "t.csv", "the motor did not move"),
         ] {

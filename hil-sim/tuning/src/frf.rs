@@ -1,0 +1,306 @@
+//! A table as a frequency response: which of its columns are frequency, magnitude and phase, by the names that analyzers give them.
+//!
+//! A name has words and a unit: `Channel 2 Magnitude (dB)`, `Trace 1: Gain: Phase [rad]`, `mag_db`. Of several channels the one counts whose
+//! phase is there.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+use traces::input::{BadInput, did_you_mean, shorten};
+use traces::numbers::Numbers;
+
+use super::response::Point;
+
+/// The columns of a response.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Columns {
+    hz: usize,
+    hz_scale: f64,
+    form: Form,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Form {
+    /// Real and imaginary part.
+    Parts(usize, usize),
+    /// Magnitude and phase, with the radians of a unit of it.
+    Polar { magnitude: usize, is_db: bool, phase: usize, rad: f64 },
+}
+
+/// What a response must have.
+pub const EXPECTED: &str = "freq_hz with re, im or mag, phase_deg (or mag_db, phase_deg)";
+
+/// Names that `--columns` gives to columns.
+pub const NAMES: [&str; 8] = ["freq_hz", "freq_rad_s", "re", "im", "mag", "mag_db", "phase_deg", "phase_rad"];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    Frequency,
+    Real,
+    Imaginary,
+    Magnitude,
+    Phase,
+}
+
+/// A column's name in parts.
+struct Name {
+    role: Role,
+    unit: String,
+    /// The words that are neither: the channel.
+    channel: Vec<String>,
+}
+
+impl Name {
+    fn parse(text: &str) -> Option<Self> {
+        let lower = text.to_lowercase();
+        let mut words: Vec<&str> = lower
+            .split(|c: char| !c.is_alphanumeric() && c != '°' && c != '/')
+            .filter(|word| !word.is_empty())
+            .collect();
+        let unit = words.last().copied().filter(|word| {
+            ["hz", "khz", "mhz", "rad/s", "db", "deg", "degree", "degrees", "°", "rad", "radians", "v/v"]
+                .contains(word)
+        });
+        let mut unit = unit.unwrap_or_default().to_owned();
+        words.truncate(words.len() - usize::from(!unit.is_empty()));
+        // freq_rad_s
+        if let [.., "rad", "s"] = words[..] {
+            words.truncate(words.len() - 2);
+            unit = "rad/s".to_owned();
+        }
+        // Of "Gain: Phase" the last word counts.
+        let (at, role) = words.iter().enumerate().rev().find_map(|(at, word)| {
+            let role = match *word {
+                "frequency" | "freq" | "f" => Role::Frequency,
+                "re" | "real" => Role::Real,
+                "im" | "imag" | "imaginary" => Role::Imaginary,
+                "magnitude" | "mag" | "gain" | "amplitude" | "ampl" => Role::Magnitude,
+                "phase" | "arg" | "argument" => Role::Phase,
+                _ => return None,
+            };
+            Some((at, role))
+        })?;
+        let is_channel = |(index, word): &(usize, &&str)| {
+            *index != at && !["gain", "magnitude", "response"].contains(*word)
+        };
+        let channel =
+            words.iter().enumerate().filter(is_channel).map(|(_, word)| (*word).to_owned()).collect();
+        Some(Self { role, unit, channel })
+    }
+}
+
+impl Columns {
+    /// Finds the columns of a table. `given` are names of [`NAMES`] and the headers of the columns that they mean, which come first.
+    ///
+    /// # Errors
+    /// A column that is missing, or several that may be meant.
+    pub fn find(table: &Numbers, given: &[(String, String)]) -> Result<Self, BadInput> {
+        let mut names: Vec<(usize, Name)> =
+            table.names().enumerate().filter_map(|(at, name)| Some((at, Name::parse(name)?))).collect();
+        for (name, header) in given {
+            let at = table.need(&[header], &format!("a column for {name}, as --columns has it"))?;
+            let parsed = Name::parse(name).filter(|_| NAMES.contains(&name.as_str()));
+            let Some(parsed) = parsed else {
+                return Err(BadInput {
+                    place: "--columns".to_owned(),
+                    problem: "names no part of a response".to_owned(),
+                    found: shorten(name),
+                    expected: NAMES.join(", "),
+                    next: did_you_mean(name, NAMES.into_iter())
+                        .unwrap_or_else(|| "use one of those".to_owned()),
+                });
+            };
+            names.retain(|(other, of)| *other != at && of.role != parsed.role);
+            names.push((at, parsed));
+        }
+        let of = |role: Role| names.iter().filter(move |(_, name)| name.role == role).collect::<Vec<_>>();
+        let (hz, frequency) = one(table, &of(Role::Frequency), "freq_hz")?;
+        let hz_scale = match frequency.unit.as_str() {
+            "khz" => 1e3,
+            "mhz" => 1e6,
+            "rad/s" => 1.0 / TAU,
+            _ => 1.0,
+        };
+        let (real, imaginary) = (of(Role::Real), of(Role::Imaginary));
+        let (magnitudes, phases) = (of(Role::Magnitude), of(Role::Phase));
+        let is_polar = !magnitudes.is_empty() || !phases.is_empty();
+        let form = if !real.is_empty() && !imaginary.is_empty() || !is_polar {
+            Form::Parts(one(table, &real, "re")?.0, one(table, &imaginary, "im")?.0)
+        } else {
+            let (phase, angle) = one(table, &phases, "phase_deg")?;
+            let own: Vec<_> =
+                magnitudes.iter().copied().filter(|(_, name)| name.channel == angle.channel).collect();
+            let own = if own.is_empty() { magnitudes } else { own };
+            // A column in dB says what a linear one beside it says.
+            let linear: Vec<_> = own.iter().copied().filter(|(_, name)| name.unit != "db").collect();
+            let (magnitude, size) = one(table, if linear.is_empty() { &own } else { &linear }, "mag")?;
+            let rad = if ["rad", "radians"].contains(&angle.unit.as_str()) { 1.0 } else { TAU / 360.0 };
+            Form::Polar { magnitude, is_db: size.unit == "db", phase, rad }
+        };
+        Ok(Self { hz, hz_scale, form })
+    }
+
+    /// The column of the frequency.
+    #[must_use]
+    pub const fn frequency(&self) -> usize {
+        self.hz
+    }
+
+    /// The column that a value without magnitude or phase is in.
+    #[must_use]
+    pub const fn value(&self) -> usize {
+        match self.form {
+            Form::Parts(column, _) | Form::Polar { magnitude: column, .. } => column,
+        }
+    }
+
+    /// The response of a row.
+    ///
+    /// # Errors
+    /// A cell that is no number, or a linear magnitude below 0.
+    pub fn point(&self, table: &Numbers, row: usize) -> Result<Point, BadInput> {
+        let hz = table.number(row, self.hz)? * self.hz_scale;
+        let value = match self.form {
+            Form::Parts(re, im) => Complex64::new(table.number(row, re)?, table.number(row, im)?),
+            Form::Polar { magnitude, is_db, phase, rad } => {
+                let size = table.number(row, magnitude)?;
+                if size < 0.0 && !is_db {
+                    let expected = "a linear magnitude above 0; name it mag_db if it is in dB";
+                    return Err(table.bad(row, magnitude, "negative", expected));
+                }
+                let size = if is_db { 10f64.powf(size / 20.0) } else { size };
+                Complex64::from_polar(size, table.number(row, phase)? * rad)
+            }
+        };
+        Ok(Point { hz, value })
+    }
+
+    /// Whether phases in degrees may be radians: they are all small, and go with the slope of the magnitude only as radians.
+    #[must_use]
+    pub fn doubt(&self, table: &Numbers, points: &[Point]) -> Option<String> {
+        let Form::Polar { phase, rad, .. } = self.form else { return None };
+        let degrees: Vec<f64> = (0..table.len()).filter_map(|row| table.number(row, phase).ok()).collect();
+        let is_small = degrees.iter().all(|degrees| degrees.abs() <= 1.01 * TAU);
+        if rad == 1.0 || !is_small {
+            return None;
+        }
+        // A slope of n decades a decade has a phase of n·90° (Bode), and more for a delay.
+        let slope = |pair: &[Point]| {
+            (pair[1].value.norm() / pair[0].value.norm()).ln() / (pair[1].hz / pair[0].hz).ln()
+        };
+        let mut slopes: Vec<f64> = points.windows(2).map(slope).filter(|slope| slope.is_finite()).collect();
+        slopes.sort_by(f64::total_cmp);
+        let slope = slopes.get(slopes.len() / 2).copied()?;
+        (slope.abs() >= 0.5).then(|| {
+            format!(
+                "{} is {:.2} at most, and the magnitude falls by {:.0} dB a decade, which goes with {:.0}°: if these are radians, name the \
+                 column phase_rad",
+                table.name(phase),
+                degrees.iter().fold(0.0_f64, |most, degrees| most.max(degrees.abs())),
+                -20.0 * slope,
+                90.0 * slope
+            )
+        })
+    }
+}
+
+/// The only column of a part.
+fn one<'a>(table: &Numbers, found: &[&'a (usize, Name)], name: &str) -> Result<(usize, &'a Name), BadInput> {
+    match found {
+        [(at, parsed)] => Ok((*at, parsed)),
+        [] => Err(table.need(&[name], EXPECTED).err().unwrap_or_else(|| {
+            table.bad_file(
+                "wrong columns".to_owned(),
+                name.to_owned(),
+                EXPECTED.to_owned(),
+                "rename the columns",
+            )
+        })),
+        several => {
+            let headers: Vec<&str> = several.iter().map(|(at, _)| table.name(*at)).collect();
+            Err(table.bad_file(
+                format!("several columns may be {name}"),
+                shorten(&headers.join(", ")),
+                "one of them".to_owned(),
+                &format!("choose it: --columns \"{name}={}\"", headers[0]),
+            ))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(csv: &str) -> Numbers {
+        Numbers::read("a.csv", &traces::csv::Reader::new(csv.into()).expect("a table")).expect("a table")
+    }
+
+    fn first(csv: &str, given: &[(&str, &str)]) -> Result<Point, BadInput> {
+        let table = table(csv);
+        let given: Vec<_> = given.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect();
+        Columns::find(&table, &given)?.point(&table, 0)
+    }
+
+    /// −j/2 at 10 Hz, as analyzers and libraries write it.
+    #[test]
+    fn headers_of_analyzers_are_known() {
+        for csv in [
+            "freq_hz,re,im\n10,0,-0.5\n",
+            "freq_hz,re,im,mag,phase_deg,noise\n10,0,-0.5,9,9,9\n",
+            "freq_hz,mag,phase_deg\n10,0.5,-90\n",
+            "freq_hz;mag_db;phase_deg\n10;-6,0206;-90\n",
+            "#Digilent\n\nFrequency (Hz),Channel 1 Magnitude (dB),Channel 2 Magnitude (dB),Channel 2 Phase (deg)\n10,0,-6.0206,-90\n",
+            "Frequency (Hz);Trace 1: Gain: Magnitude (dB);Trace 1: Gain: Phase (°)\n10;-6.0206;-90\n",
+            "Frequency[Hz],Gain[dB],Phase[deg]\n10,-6.0206,-90\n",
+            "Frequency(Hz)\tAmplitude(dB)\tPhase(Deg)\n10\t-6.0206\t270\n",
+            "Freq,Mag,Phase_rad\n10,0.5,-1.5707963267948966\n",
+            "freq_rad_s,mag,phase_deg\n62.83185307179586,0.5,-90\n",
+            "f (kHz),gain (dB),phase (°)\n0.01,-6.0206,-90\n",
+        ] {
+            let point = first(csv, &[]).unwrap_or_else(|error| panic!("{csv}: {error}"));
+            let error = (point.value - Complex64::new(0.0, -0.5)).norm();
+            assert!((point.hz - 10.0).abs() < 1e-9 && error < 1e-5, "{csv}: {point:?}");
+        }
+    }
+
+    #[test]
+    fn several_candidates_are_named_and_chosen() {
+        let csv = "Frequency (Hz),A Gain (dB),B Gain (dB),Phase (deg)\n10,0,-6.0206,-90\n";
+        let error = first(csv, &[]).expect_err("two").to_string();
+        assert!(
+            error.contains("several columns may be mag") && error.contains("A Gain (dB), B Gain (dB)"),
+            "{error}"
+        );
+        let point = first(csv, &[("mag_db", "B Gain (dB)")]).expect("chosen");
+        assert!((point.value.norm() - 0.5).abs() < 1e-5, "{point:?}");
+        let error = first(csv, &[("mgnitude", "B Gain (dB)")]).expect_err("no part").to_string();
+        assert!(error.contains("--columns: names no part"), "{error}");
+        let error = first(csv, &[("mag_db", "C Gain")]).expect_err("no column").to_string();
+        assert!(error.contains("no column C Gain") && error.contains("did you mean"), "{error}");
+    }
+
+    #[test]
+    fn radians_under_degrees_raise_a_doubt() {
+        let integrator = |phase: &str| -> String {
+            let rows: String = (1..30).map(|i| format!("{i},{},{phase}\n", 10.0 / f64::from(i))).collect();
+            format!("freq_hz,mag,phase_deg\n{rows}")
+        };
+        let doubt = |csv: &str| {
+            let table = table(csv);
+            let columns = Columns::find(&table, &[]).expect("a response");
+            let points: Vec<Point> =
+                (0..table.len()).map(|row| columns.point(&table, row).expect("a point")).collect();
+            columns.doubt(&table, &points)
+        };
+        let text = doubt(&integrator("-1.5707")).expect("a doubt");
+        assert!(
+            text.contains("20 dB a decade") && text.contains("-90°") && text.contains("phase_rad"),
+            "{text}"
+        );
+        assert_eq!(doubt(&integrator("-90")), None);
+        assert_eq!(doubt(&integrator("-1.5707").replace("phase_deg", "phase_rad")), None);
+        let flat = (1..30).map(|i| format!("{i},1,-2\n")).collect::<String>();
+        assert_eq!(doubt(&format!("freq_hz,mag,phase_deg\n{flat}")), None);
+    }
+}
