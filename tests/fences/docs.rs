@@ -142,7 +142,7 @@ fn outside_pages(source: &Source) -> Vec<Violation> {
 }
 
 fn record(page: &Source) -> Vec<Violation> {
-    let wanted = ["# ", "Date: 20", "## Context", "## Decision", "## Consequences"];
+    let wanted = ["# ", "Date: 20", "Status: ", "## Context", "## Decision", "## Consequences"];
     let mut lines = page.text.lines();
     let missing = wanted.into_iter().find(|start| !lines.by_ref().any(|line| line.starts_with(start)));
     missing
@@ -237,8 +237,11 @@ fn the_document_fences_can_fail() {
     check_fence(
         record,
         "a.md",
-        &["# 1. A\nDate: 2026"],
-        &["# 1. A\nDate: 2026\n## Context\n## Decision\n## Consequences"],
+        &[
+            "# 1. A\nDate: 2026\nStatus: accepted\n## Context\n## Decision",
+            "# 1. A\nDate: 2026\n## Context\n## Decision\n## Consequences",
+        ],
+        &["# 1. A\nDate: 2026\nStatus: accepted\n## Context\n## Decision\n## Consequences"],
     );
     let all_but = |name: &str| {
         let map = "## Code map\n```\nservo-core/  x\n  num.rs, units.rs  y\n  sense/, motion/, guard/, config.rs\n```\n";
