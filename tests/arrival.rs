@@ -1,6 +1,7 @@
 //! Arrival is true: a motor that is called arrived stands, and comes to rest within MPE of its end, over scattered plants.
-//! The full size, 300 plants for each motion: `ARRIVAL_PLANTS=300 cargo test -p system-tests arrival:: -- --nocapture`.
+//! The full size, 320 plants for each motion: `EFFORT=40 cargo test -p system-tests arrival:: -- --nocapture`.
 
+use crate::effort::effort;
 use hil_experiment::run::Options;
 use hil_experiment::scenario::Scenario;
 use hil_world::node::Node;
@@ -66,7 +67,7 @@ fn ended(node: &mut Node) -> Option<EndReason> {
 }
 
 fn plants() -> u64 {
-    std::env::var("ARRIVAL_PLANTS").ok().and_then(|n| n.parse().ok()).unwrap_or(PLANTS)
+    effort(PLANTS)
 }
 
 #[test]

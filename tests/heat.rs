@@ -1,5 +1,6 @@
 //! The winding's true temperature over any sequence of stalls, resets, brown-outs, hangs and power cuts (decision 0051).
 
+use crate::effort::effort;
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
 use hil_world::plant::{Heat, Model, PlantParams, Start};
@@ -216,12 +217,12 @@ fn adversary(number: u8, plant: PlantParams, seed: u64) -> f64 {
     bench.hottest_c
 }
 
-/// Sequences of [`adversary`] a kind; HEAT_SEQUENCES for more. 20 s of CI.
+/// Sequences of [`adversary`] a kind. 20 s of CI.
 const SEQUENCES: u64 = 6;
 
 #[test]
 fn random_interruptions_stay_below_the_winding_limit() {
-    let sequences = std::env::var("HEAT_SEQUENCES").ok().and_then(|n| n.parse().ok()).unwrap_or(SEQUENCES);
+    let sequences = effort(SEQUENCES);
     let mut hottest = 0.0_f64;
     for number in KINDS {
         for seed in 0..sequences {

@@ -1,5 +1,6 @@
 //! Unknown motors: the move of `excite` over the bus, and what `identify` makes of it, against the plants' parameters.
 
+use crate::effort::seeds;
 use commission::excite::{Link, csv, excite};
 use hil_experiment::run::node_of;
 use hil_sim::simulated::Simulated;
@@ -14,14 +15,10 @@ use rand_pcg::Pcg64Mcg;
 use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Property};
 
-/// Plants of a short run; IDENTIFY_PLANTS=100 runs the ensemble of docs/identify.md.
+/// Plants of a run; EFFORT=20 runs the ensemble of docs/identify.md.
 const PLANTS: u64 = 5;
 
 const NAMES: [&str; 6] = ["R", "Ke", "inertia", "Coulomb", "viscous", "friction at 500 counts/s"];
-
-fn number(name: &str, default: u64) -> u64 {
-    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
-}
 
 /// Largest errors that the figures should have, percent. Viscous friction alone misses its own: it is 6 % of all friction.
 const LIMITS: [f64; 6] = [2.0, 1.0, 3.0, 10.0, 10.0, 10.0];
@@ -68,12 +65,13 @@ fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
 
 #[test]
 fn ensemble_of_unknown_plants_is_identified() {
-    let (from, plants) = (number("IDENTIFY_FROM", 1), number("IDENTIFY_PLANTS", PLANTS));
+    let seeds = seeds(1, PLANTS);
+    let plants = seeds.end - seeds.start;
     let mut worst = [0.0_f64; 6];
     let mut within = [0; 6];
     let mut inside = [0; 6];
     let mut determined = [0; 6];
-    for seed in from..from + plants {
+    for seed in seeds {
         let mut line = format!("plant {seed}:");
         for (index, (estimate, truth)) in identified(kind(), seed).into_iter().enumerate() {
             let error = 100.0 * (estimate.value / truth - 1.0);

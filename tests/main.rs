@@ -3,6 +3,7 @@
 mod arrival;
 mod chart;
 mod contact;
+mod effort;
 mod emulated;
 mod fences;
 mod figures;

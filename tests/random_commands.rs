@@ -2,8 +2,9 @@
 //! locked ones too, saves, resets, STAT 0 and 2, watchdogs, brown-outs, power cuts, silence, loads and objects. The winding, the phase
 //! current and the trust in the position are compared with the plant.
 //!
-//! `RANDOM_COMMAND_RUNS=4500 cargo test -p system-tests random_commands -- --nocapture` for more runs, `RANDOM_COMMAND_FIRST=17` for others.
+//! `EFFORT=40 cargo test -p system-tests random_commands -- --nocapture` for more runs, `SEED=17` for that one.
 
+use crate::effort::seeds;
 use crate::heat::{Bench, HANGS_US, MOST_C};
 use hil_world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 use rand::RngExt;
@@ -366,10 +367,6 @@ impl Run {
     }
 }
 
-fn number(name: &str, default: u64) -> u64 {
-    std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(default)
-}
-
 /// Plays runs from `first` on, and adds them up; the limits of heat and current hold on nominal plants.
 fn play(first: u64, runs: u64, scattered: bool) -> (Figures, Vec<String>) {
     let next = AtomicU64::new(first);
@@ -380,9 +377,7 @@ fn play(first: u64, runs: u64, scattered: bool) -> (Figures, Vec<String>) {
             if seed >= first + runs {
                 return (all, wrong);
             }
-            let replay = format!(
-                "RANDOM_COMMAND_FIRST={seed} RANDOM_COMMAND_RUNS=1 cargo test -p system-tests random_commands"
-            );
+            let replay = format!("SEED={seed} cargo test -p system-tests random_commands");
             match Run::new(seed, scattered).play() {
                 Ok(figures) => {
                     if !scattered && (figures.hottest_c > MOST_C || figures.most_a > MOST_A) {
@@ -409,7 +404,8 @@ fn play(first: u64, runs: u64, scattered: bool) -> (Figures, Vec<String>) {
 
 #[test]
 fn random_commands_neither_overheat_nor_lose_the_position() {
-    let (first, runs) = (number("RANDOM_COMMAND_FIRST", FIRST), number("RANDOM_COMMAND_RUNS", RUNS));
+    let seeds = seeds(FIRST, RUNS);
+    let (first, runs) = (seeds.start, seeds.end - seeds.start);
     let (all, wrong) = play(first, runs, false);
     let (scattered, also_wrong) = play(first, runs.div_ceil(8), true);
     println!("figure: {runs} random runs of 30 s on nominal plants: {all:?}");

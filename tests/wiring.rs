@@ -1,7 +1,8 @@
 //! Motors that are wired in another order than their boards believe: none runs away, none reports a position, and FIND learns
 //! each up to its mirror image. Every test takes all 36 orders of phases and hall lines on the three kinds of motors; the full
-//! table of 30 plants each is `GOD_WIRING_PLANTS=30 cargo test --release -p system-tests wiring:: -- --nocapture`.
+//! table of 30 plants each is `EFFORT=30 cargo test --release -p system-tests wiring:: -- --nocapture`.
 
+use crate::effort::effort;
 use hil_experiment::run::set;
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
@@ -34,7 +35,7 @@ const STANDARD_WIRING: i64 = 1;
 const HI_MS: u32 = 12_000;
 
 fn plants() -> u64 {
-    std::env::var("GOD_WIRING_PLANTS").ok().and_then(|plants| plants.parse().ok()).unwrap_or(1)
+    effort(1)
 }
 
 /// A motor and how it is connected.

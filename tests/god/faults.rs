@@ -1,5 +1,6 @@
 //! Single faults at any moment: every command reaches its prompt in time, and healthy motors reach their goals.
 
+use crate::effort::effort;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -318,7 +319,7 @@ fn refused_motor_leaves_the_others_initialized() {
 }
 
 fn cases() -> u32 {
-    std::env::var("GOD_FAULT_CASES").map_or(96, |cases| cases.parse().expect("GOD_FAULT_CASES is a number"))
+    u32::try_from(effort(96)).expect("cases")
 }
 
 fn check<S: Strategy>(seed: u64, of: S, property: impl Fn(S::Value) -> Result<(), TestCaseError>) {

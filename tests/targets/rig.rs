@@ -1,5 +1,6 @@
 //! A motor on its board, and the plants to try.
 
+use crate::effort::effort;
 use hil_experiment::run::Options;
 use hil_experiment::scenario::Scenario;
 use hil_world::node::{Node, Sample};
@@ -20,8 +21,8 @@ pub fn travel(kind: &str) -> (i32, i32) {
     (low, high)
 }
 
-/// Plants of a figure in continuous integration.
-const PLANTS: u64 = 12;
+/// Plants of a figure: the fewest that have a 95th percentile.
+const PLANTS: u64 = 100;
 
 /// The targets are for motors without what the defaults have beyond the ideal motor: cogging, friction that falls with speed, a gear with play
 /// that twists, and edges that depend on their direction and scatter. `TARGET_EFFECTS` leaves it in.
@@ -40,8 +41,7 @@ const POLL_MS: u32 = 100;
 
 /// Seeds of scattered plants.
 pub fn plants() -> std::ops::Range<u64> {
-    let plants = std::env::var("TARGET_PLANTS").ok().and_then(|n| n.parse().ok());
-    0..plants.unwrap_or(PLANTS)
+    0..effort(PLANTS)
 }
 
 /// What to try: lines of a scenario, and its motor.

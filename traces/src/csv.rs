@@ -322,7 +322,11 @@ mod tests {
 
     fn cells(reader: &Reader) -> Vec<Vec<Cell>> {
         let mut rows = Vec::new();
-        reader.rows(&mut |row| Ok(rows.push(row.to_vec()))).expect("read before");
+        let push = &mut |row: &[Cell]| {
+            rows.push(row.to_vec());
+            Ok(())
+        };
+        reader.rows(push).expect("read before");
         rows
     }
 

@@ -1,4 +1,5 @@
-//! All checks and tests, the cheap ones first.
+//! All checks and tests, the cheap ones first, in three tasks: `check` needs Rust and a linker alone, `ci` is before a merge, `nightly` is what takes
+//! longer.
 //!
 //! Host programs are built with the dev profile alone (simulator and servo with opt-level 3 in it, Cargo.toml): a second build
 //! in release would take minutes, and dev has overflow checks.
@@ -8,59 +9,112 @@ use std::time::{Duration, Instant};
 use crate::program::{in_parallel, output, program, root, run, simulator};
 use crate::setup::THUMB;
 use crate::{
-    Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages,
-    promises, ray_sweep, reports, setup, size, table, wheel,
+    Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, mutants,
+    packages, promises, ray_sweep, reports, setup, size, soak, table, wheel,
 };
+
+/// From which task on a step runs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum In {
+    /// Needs Rust and a linker alone.
+    Check,
+    Ci,
+    /// Is slow, or looks for what no change is likely to have broken.
+    Nightly,
+}
 
 struct Step {
     name: &'static str,
+    runs: In,
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 25] = [
-    Step { name: "set-up", check: setup::install },
-    Step { name: "format", check: || run(program("cargo fmt --all --check")) },
-    Step { name: "licenses and sources", check: packages::licenses },
-    Step { name: "clippy, host", check: clippy_host },
-    Step { name: "clippy, microcontroller", check: clippy_thumb },
-    Step { name: "documentation", check: documentation },
-    Step { name: "packages", check: packages::check },
-    Step { name: "build, microcontroller", check: build_thumb },
-    Step { name: "image", check: image::check },
-    Step { name: "size", check: size::check },
-    Step { name: "tests", check: tests },
-    Step { name: "property table", check: || table::table(true) },
-    Step { name: "robot models", check: model::check },
-    Step { name: "scenarios", check: scenarios },
-    Step { name: "torture", check: torture },
-    Step { name: "hall captures", check: hall_oracle::check },
-    Step { name: "host tools", check: host_tools::check },
-    Step { name: "C library", check: c_library::check },
-    Step { name: "sweep under Ray", check: ray_sweep::check },
-    Step { name: "Python wheel", check: wheel::check },
-    Step { name: "reports in Chromium", check: reports::check },
-    Step { name: "instructions", check: instructions::check },
-    Step { name: "emulation", check: emu::check },
-    Step { name: "miri", check: miri::check },
-    Step { name: "fuzz targets", check: fuzz::check },
+const fn step(runs: In, name: &'static str, check: fn() -> Outcome) -> Step {
+    Step { name, runs, check }
+}
+
+/// docs/checks.md has them with the reason why each is where it is.
+const STEPS: [Step; 34] = [
+    step(In::Check, "set-up", setup::install),
+    step(In::Check, "format", || run(program("cargo fmt --all --check"))),
+    step(In::Check, "clippy, host", clippy_host),
+    step(In::Check, "unit tests", unit_tests),
+    step(In::Check, "property table", || table::table(true)),
+    step(In::Check, "scenarios", scenarios),
+    step(In::Check, "torture, a sample", torture_sample),
+    step(In::Ci, "licenses and sources", packages::licenses),
+    step(In::Ci, "clippy, all crates", clippy_all),
+    step(In::Ci, "clippy, microcontroller", clippy_thumb),
+    step(In::Ci, "other systems", other_systems),
+    step(In::Ci, "documentation", documentation),
+    step(In::Ci, "packages", packages::check),
+    step(In::Ci, "build, microcontroller", build_thumb),
+    step(In::Ci, "image", image::check),
+    step(In::Ci, "size", size::check),
+    step(In::Ci, "tests", tests),
+    step(In::Ci, "robot models", model::check),
+    step(In::Ci, "torture", torture),
+    step(In::Ci, "hall captures", hall_oracle::check),
+    step(In::Ci, "host tools", host_tools::check),
+    step(In::Ci, "C library", c_library::check),
+    step(In::Ci, "Python wheel", wheel::check),
+    step(In::Ci, "reports in Chromium", reports::check),
+    step(In::Ci, "instructions", instructions::check),
+    step(In::Ci, "emulation", emu::check),
+    step(In::Nightly, "second build of the image", image::reproducible),
+    step(In::Nightly, "long torture", long_torture),
+    step(In::Nightly, "tests, ten times as many", tests_with_effort),
+    step(In::Nightly, "soak", || soak::soak(SOAK_HOURS)),
+    step(In::Nightly, "sweep under Ray", ray_sweep::check),
+    step(In::Nightly, "miri", miri::check),
+    step(In::Nightly, "fuzz targets", fuzz::check),
+    step(In::Nightly, "mutants", mutants::sample_of_each),
 ];
 
-/// Runs every step and prints its time; stops at the first failure.
+/// Runs what Rust and a linker alone can check, and says what it has left out.
 ///
 /// # Errors
 /// Name of the failed step, and a command that repeats it.
+pub fn check() -> Outcome {
+    steps(|step| step.runs == In::Check)?;
+    let left = |of: In| {
+        STEPS.iter().filter(move |step| step.runs == of).map(|step| step.name).collect::<Vec<_>>().join(", ")
+    };
+    println!("Left out, for `cargo xtask ci`: {}.", left(In::Ci));
+    println!("Left out, for `cargo xtask nightly`: {}.", left(In::Nightly));
+    Ok(())
+}
+
+/// Runs every step before a merge.
+///
+/// # Errors
+/// As [`check`].
 pub fn ci() -> Outcome {
+    steps(|step| step.runs != In::Nightly)
+}
+
+/// Runs what is too slow for each change.
+///
+/// # Errors
+/// As [`check`].
+pub fn nightly() -> Outcome {
+    steps(|step| step.runs == In::Nightly)
+}
+
+/// Runs these steps and prints the time of each; stops at the first failure.
+fn steps(is_one: impl Fn(&Step) -> bool) -> Outcome {
     let start = Instant::now();
+    let chosen: Vec<&Step> = STEPS.iter().filter(|step| is_one(step)).collect();
     let mut took = Vec::new();
-    for (i, step) in STEPS.iter().enumerate() {
-        println!("[{}/{}] {}", i + 1, STEPS.len(), step.name);
+    for (i, step) in chosen.iter().enumerate() {
+        println!("[{}/{}] {}", i + 1, chosen.len(), step.name);
         let begin = Instant::now();
         (step.check)().map_err(|error| format!("{}: {error}", step.name))?;
         println!("  {} took {:.1} s", step.name, begin.elapsed().as_secs_f64());
         took.push((step.name, begin.elapsed()));
     }
     print!("{}", times(&took, start.elapsed()));
-    println!("All {} steps passed in {:.0} s.", STEPS.len(), start.elapsed().as_secs_f64());
+    println!("All {} steps passed in {:.0} s.", chosen.len(), start.elapsed().as_secs_f64());
     Ok(())
 }
 
@@ -73,8 +127,45 @@ fn times(took: &[(&str, Duration)], total: Duration) -> String {
         .collect()
 }
 
+/// Without the wheel, whose build asks for a Python.
+const WITHOUT_PYTHON: &str = "--workspace --exclude wraptor-py";
+
 fn clippy_host() -> Outcome {
+    run(program(&format!("cargo clippy --quiet {WITHOUT_PYTHON} --all-targets -- -D warnings")))
+}
+
+fn clippy_all() -> Outcome {
     run(program("cargo clippy --quiet --workspace --all-targets -- -D warnings"))
+}
+
+/// Tests inside the crates, which start no server and need no image.
+fn unit_tests() -> Outcome {
+    let text = output(program(&format!("cargo test --quiet {WITHOUT_PYTHON} --lib --bins")))?;
+    let passed: u64 = text.lines().filter_map(passed).sum();
+    println!("  {passed} tests passed");
+    Ok(())
+}
+
+/// The number of a line such as `test result: ok. 12 passed; 0 failed; ...`.
+fn passed(line: &str) -> Option<u64> {
+    let (_, rest) = line.split_once("test result: ok. ")?;
+    rest.split_once(" passed")?.0.parse().ok()
+}
+
+/// Systems for which the programs of a host are checked, and the browser, for which the simulated world is.
+const SYSTEMS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
+const BROWSER: &str = "wasm32-unknown-unknown";
+
+/// Checks, without a linker for them, that host programs compile for other systems.
+fn other_systems() -> Outcome {
+    for system in SYSTEMS {
+        setup::add(system)?;
+        run(program(&format!(
+            "cargo check --quiet {WITHOUT_PYTHON} --exclude system-tests --target {system}"
+        )))?;
+    }
+    setup::add(BROWSER)?;
+    run(program(&format!("cargo check --quiet --package hil-world --target {BROWSER}")))
 }
 
 /// The crates for microcontrollers. GOD has no board yet, and the kinematics no caller on one.
@@ -94,10 +185,47 @@ fn build_thumb() -> Outcome {
     run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
 }
 
-fn tests() -> Outcome {
+/// Runs all tests, timed: each prints its time. Returns what they print.
+fn timed_tests(effort: u32) -> Result<String, String> {
     let mut tests = program("cargo test --workspace -- --nocapture");
-    tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string());
-    let text = output(tests)?;
+    tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string()).env("EFFORT", effort.to_string());
+    if cfg!(target_os = "linux") {
+        // The harness knows times, but gives them only to a nightly compiler or who asks like this; in the environment of the build it would
+        // compile everything anew.
+        let host = output(program("rustc --print host-tuple"))?.trim().to_uppercase().replace('-', "_");
+        tests.env(format!("CARGO_TARGET_{host}_RUNNER"), "env RUSTC_BOOTSTRAP=1");
+        tests.args(["-Zunstable-options", "--report-time"]);
+    }
+    output(tests)
+}
+
+/// The slowest tests, with their times.
+fn slowest(text: &str) -> String {
+    let mut times: Vec<(f64, &str)> = text.lines().filter_map(timed).collect();
+    times.sort_by(|a, b| b.0.total_cmp(&a.0));
+    times.iter().take(SLOWEST).map(|(seconds, name)| format!("{seconds:>8.1} s  {name}\n")).collect()
+}
+
+const SLOWEST: usize = 25;
+
+/// Time and name in a line such as `test a::b ... ok <1.234s>`.
+fn timed(line: &str) -> Option<(f64, &str)> {
+    let (name, rest) = line.strip_prefix("test ")?.split_once(" ... ")?;
+    let (_, time) = rest.rsplit_once('<')?;
+    Some((time.strip_suffix("s>")?.parse().ok()?, name))
+}
+
+/// Ten times as many of each sample.
+const EFFORT: u32 = 10;
+
+fn tests_with_effort() -> Outcome {
+    print!("{}", slowest(&timed_tests(EFFORT)?));
+    Ok(())
+}
+
+fn tests() -> Outcome {
+    let text = timed_tests(1)?;
+    print!("{}", slowest(&text));
     let marked =
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
     marked("figure: ").for_each(|figure| println!("  {figure}"));
@@ -175,6 +303,21 @@ const TORTURE_SEEDS: u32 = 1000;
 const LONG_SEED: u32 = 8;
 const LONG_SEEDS: u32 = 4;
 
+/// A minute of them.
+const SAMPLE_SEEDS: u32 = 100;
+
+fn torture_sample() -> Outcome {
+    let line = format!("torture --seed {TORTURE_SEED} --seeds {SAMPLE_SEEDS}");
+    output(simulator(&line)?).map(|text| print!("{text}"))
+}
+
+/// Simulated hours of clients that come and go.
+const SOAK_HOURS: f64 = 10.0;
+
+fn long_torture() -> Outcome {
+    output(simulator("torture --long --seed 1 --seeds 40")?).map(|text| print!("{text}"))
+}
+
 fn torture() -> Outcome {
     // The line that replays a failure names its seed.
     let json = output(simulator(&format!("torture --seed {TORTURE_SEED} --seeds {TORTURE_SEEDS} --json"))?)?;
@@ -202,6 +345,33 @@ fn shipped() -> Result<Vec<String>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn time_of_a_test_is_that_of_its_line() {
+        let text = "test a::b ... ok <0.500s>\ntest c ... ok <12.000s>\nfigure: 3\ntest d ... ok\n";
+        assert_eq!(slowest(text), "    12.0 s  c\n     0.5 s  a::b\n");
+        assert_eq!(passed("test result: ok. 12 passed; 0 failed; 0 ignored"), Some(12));
+    }
+
+    /// The table of the page has each step once, in order, under its task.
+    #[test]
+    fn page_names_the_steps() {
+        let page = std::fs::read_to_string(root().join("docs/checks.md")).expect("the page");
+        let rows = page.lines().skip_while(|line| !line.starts_with("| step |")).skip(2);
+        let rows: Vec<(&str, &str)> = rows
+            .map_while(|line| {
+                let mut cells = line.strip_prefix("| ")?.split(" | ");
+                Some((cells.next()?, cells.next()?))
+            })
+            .collect();
+        let task = |step: &Step| match step.runs {
+            In::Check => "check",
+            In::Ci => "ci",
+            In::Nightly => "nightly",
+        };
+        let steps: Vec<(&str, &str)> = STEPS.iter().map(|step| (step.name, task(step))).collect();
+        assert_eq!(rows, steps);
+    }
 
     #[test]
     fn times_are_listed_slowest_first() {

@@ -7,7 +7,7 @@ use crate::{Outcome, outcome::say};
 
 /// Packages with property tests.
 const PACKAGES: &str = "--package servo-core --package tater-wire --package tater-fw --package god --package kinematics \
-                        --package hil-sim --package system-tests";
+                        --package hil-world --package hil-sim --package system-tests";
 
 /// Arguments of `fresh`.
 #[derive(clap::Args)]

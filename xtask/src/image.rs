@@ -17,7 +17,7 @@ use tater_wire::memory::{APPLICATION, Area, MONITOR};
 
 use crate::program::{output, program, root, target};
 use crate::{Failure, files, setup, tek};
-pub use check::check;
+pub use check::{check, reproducible};
 pub use profile::Profile;
 
 /// Arguments of `image`.

@@ -1,4 +1,4 @@
-//! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
+//! The project's tools: `cargo xtask demo`, `check`, `ci`, `nightly`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
 //! `tek`, `download`, `apply`, `emu`, `host-tools`, `c-library`, `fuzz`, `fresh`, `miri`, `mutants`, `defects`, `soak`, `model`, `wheel`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
@@ -55,8 +55,12 @@ struct Arguments {
 enum Chore {
     /// Demonstration: tuning runs of a simulated motor, with metrics and a report
     Demo,
-    /// All checks and tests, as continuous integration runs them
+    /// What Rust and a linker alone can check, in ten minutes
+    Check,
+    /// All checks and tests before a merge, as continuous integration runs them
     Ci,
+    /// Checks that take longer: fuzzing, Miri, mutants, soak, ten times as many samples
+    Nightly,
     /// List installed and missing tools, their purpose, and how to install them
     Doctor {
         /// Print the JSON object, and nothing else, to standard output
@@ -135,7 +139,9 @@ enum Chore {
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().chore {
         Chore::Demo => demo::demo().map_err(Failure::from),
+        Chore::Check => ci::check().map_err(Failure::from),
         Chore::Ci => ci::ci().map_err(Failure::from),
+        Chore::Nightly => ci::nightly().map_err(Failure::from),
         Chore::Doctor { json } => doctor::doctor(json),
         Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
         Chore::Table { check } => table::table(check).map_err(Failure::from),

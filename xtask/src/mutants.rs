@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use crate::program::{in_parallel, installed, output, program, root, target, typed};
-use crate::{Failure, files};
+use crate::{Failure, Outcome, files};
 use outcomes::{Mutant, Tally};
 use survivors::Known;
 
@@ -116,6 +116,18 @@ pub fn mutants(args: &MutantsArgs) -> Result<(), Failure> {
             .map_err(|error| format!("{}: {error}", subject.name))
     });
     if failures.is_empty() { Ok(()) } else { Err(Failure::Judged(failures.join("\n"))) }
+}
+
+/// Mutants of each subject that `nightly` tries.
+const NIGHTLY: usize = 60;
+
+/// Runs a sample of each subject.
+///
+/// # Errors
+/// As [`mutants`].
+pub fn sample_of_each() -> Outcome {
+    let args = MutantsArgs { subjects: Vec::new(), in_diff: None, sample: Some(NIGHTLY), seed: 1 };
+    mutants(&args).map_err(String::from)
 }
 
 fn judge(

@@ -25,7 +25,15 @@ pub fn install() -> Outcome {
 /// # Errors
 /// As [`install`].
 pub fn target() -> Outcome {
-    if has_target()? { Ok(()) } else { fetch(THUMB, &format!("rustup target add {THUMB}")) }
+    add(THUMB)
+}
+
+/// Installs the core library of a target if missing.
+///
+/// # Errors
+/// As [`install`].
+pub fn add(target: &str) -> Outcome {
+    if has(target)? { Ok(()) } else { fetch(target, &format!("rustup target add {target}")) }
 }
 
 /// Whether the compiler in use has the microcontroller's core library.
@@ -33,7 +41,11 @@ pub fn target() -> Outcome {
 /// # Errors
 /// No compiler.
 pub fn has_target() -> Result<bool, String> {
-    let libraries = output(program(&format!("rustc --print target-libdir --target {THUMB}")))?;
+    has(THUMB)
+}
+
+fn has(target: &str) -> Result<bool, String> {
+    let libraries = output(program(&format!("rustc --print target-libdir --target {target}")))?;
     Ok(std::path::Path::new(libraries.trim()).is_dir())
 }
 

@@ -4,7 +4,7 @@
 //! Afterwards a board holds its old values or the new ones, in RAM and in its storage, and in all other stored properties what it held before.
 //! Otherwise the run says so of this board, and its file leads back.
 //!
-//! `LINK_RUNS=10000 cargo test --release -p hil-sim --lib apply::fuzz` makes that many runs; `LINK_SEED=N` begins at another seed.
+//! `EFFORT=84 cargo test --release -p hil-sim --lib apply::fuzz` makes 10,000 runs; `SEED=N` repeats one.
 
 use std::path::{Path, PathBuf};
 
@@ -303,7 +303,7 @@ fn run(seed: u64, folder: &Path) -> &'static str {
     let mut bench = Bench::new(seed);
     let old = truth(&mut bench);
     bench.rates = Rates::draw(&mut bench.rng);
-    let mark = format!("LINK_SEED={seed} {:?}", bench.rates);
+    let mark = format!("SEED={seed} {:?}", bench.rates);
     bench.lines = 0;
     let applied = apply_once(&mut bench, &path);
     let found = truth(&mut bench);
@@ -350,15 +350,18 @@ fn run(seed: u64, folder: &Path) -> &'static str {
     end
 }
 
-fn variable(name: &str, default: u64) -> u64 {
-    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+/// So many of a sample, times EFFORT.
+fn effort(sample: u64) -> u64 {
+    let effort = std::env::var("EFFORT").ok();
+    sample * effort.map_or(1, |effort| effort.parse().expect("EFFORT: a whole number, such as 10"))
 }
 
 #[test]
 fn apply_and_undo_over_a_bad_link_leave_old_values_or_new_ones() {
     let folder: PathBuf = std::env::temp_dir().join(format!("hil-sim-link-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the temporary folder can be written");
-    let (first, runs) = (variable("LINK_SEED", 1), variable("LINK_RUNS", RUNS));
+    let seed = std::env::var("SEED").ok().map(|seed| seed.parse().expect("SEED: a whole number, such as 17"));
+    let (first, runs) = seed.map_or_else(|| (1, effort(RUNS)), |seed| (seed, 1));
     let ends: Vec<&str> = (first..first + runs).into_par_iter().map(|seed| run(seed, &folder)).collect();
     let count = |end: &str| ends.iter().filter(|found| **found == end).count();
     for end in ["new values", "old values again", "nothing written", "not known, and said so"] {

@@ -198,8 +198,9 @@ fn settled(served: &Served, first: Option<&Sample>) -> Sample {
 
 #[test]
 fn clients_that_come_and_go_for_hours_leave_nothing_behind() {
-    let hours: f64 = std::env::var("SOAK_HOURS")
-        .map_or(SAMPLE_HOURS, |hours| hours.parse().expect("SOAK_HOURS: a number of hours, such as 10"));
+    let effort = std::env::var("EFFORT").ok();
+    let effort: f64 = effort.map_or(1.0, |effort| effort.parse().expect("EFFORT: a number, such as 10"));
+    let hours = SAMPLE_HOURS * effort;
     let state = folder("soak").join("hand.state").to_string_lossy().into_owned();
     let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
     command.args(["hand", "--listen", "127.0.0.1:0", "--pty", "--slcan", "127.0.0.1:0"]);

@@ -6,8 +6,9 @@
 //! * A *wild* one sets anything anywhere (ACCEL 0, TSTOP 0), so a motion may last: its host types ^C, which has its prompt within 0.6 s
 //!   (`client::PROMPT_US`).
 //!
-//! `GOD_PROGRAMS` is the number of programs; CI runs a sample.
+//! `EFFORT` plays more of them.
 
+use crate::effort::effort;
 use god::command::{Category, GclCommand};
 use rand::RngExt;
 
@@ -33,7 +34,7 @@ const QUIET_US: u64 = 6_000_000;
 const PATIENCE_MS: u32 = 4_000;
 
 fn programs() -> u128 {
-    std::env::var("GOD_PROGRAMS").map_or(12, |count| count.parse().expect("GOD_PROGRAMS is a number"))
+    effort(12).into()
 }
 
 /// A line that leaves the parameters alone, and its longest time, us.
