@@ -134,12 +134,5 @@ impl excite::Link for Timed<'_> {
 }
 
 fn bad(place: &str, problem: &str, found: &str) -> BadInput {
-    BadInput {
-        place: place.to_owned(),
-        problem: problem.to_owned(),
-        found: found.to_owned(),
-        expected: "an SLCAN adapter at 1 Mbit/s, such as `hil-sim bus --node 4 --slcan 127.0.0.1:0`, or a CAN interface"
-            .to_owned(),
-        next: "check its address, cable and power, and end other programs that use it".to_owned(),
-    }
+    BadInput::new(place, problem).found(found).expected("an SLCAN adapter at 1 Mbit/s, such as `hil-sim bus --node 4 --slcan 127.0.0.1:0`, or a CAN interface").next("check its address, cable and power, and end other programs that use it")
 }

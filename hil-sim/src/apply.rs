@@ -177,31 +177,27 @@ fn write_back(
 
 fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Stop> {
     let Some(mut undo) = Undo::load(path)? else {
-        return Err(Stop::from(BadInput {
-            place: path.display().to_string(),
-            problem: "there is nothing to take back".to_owned(),
-            found: "no such file".to_owned(),
-            expected: format!("the old values that `apply {}` keeps", args.file.display()),
-            next: "name the file that was applied, in its folder; after an undo nothing is left to take back"
-                .to_owned(),
-        }));
+        return Err(Stop::from(BadInput::new(path.display().to_string(), "there is nothing to take back").found("no such file").expected(format!("the old values that `apply {}` keeps", args.file.display())).next("name the file that was applied, in its folder; after an undo nothing is left to take back")));
     };
     let is_wanted = |kept: &Kept| args.node.is_empty() || args.node.contains(&kept.node().number());
     if let Some(node) =
         args.node.iter().find(|node| undo.boards.iter().all(|kept| kept.node().number() != **node))
     {
-        return Err(Stop::from(BadInput {
-            place: format!("--node {node}"),
-            problem: format!("{} has no old values of this board", path.display()),
-            found: format!("node {node}"),
-            expected: undo
-                .boards
-                .iter()
-                .map(|kept| kept.node().number().to_string())
-                .collect::<Vec<_>>()
-                .join(", "),
-            next: "name one of those, or omit --node".to_owned(),
-        }));
+        return Err(Stop::from(
+            BadInput::new(
+                format!("--node {node}"),
+                format!("{} has no old values of this board", path.display()),
+            )
+            .found(format!("node {node}"))
+            .expected(
+                undo.boards
+                    .iter()
+                    .map(|kept| kept.node().number().to_string())
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            )
+            .next("name one of those, or omit --node"),
+        ));
     }
     let mut link = connect(&adapter(args).unwrap_or_else(|| undo.adapter.clone()), clock)?;
     let nodes: Vec<Id> = undo.boards.iter().filter(|kept| is_wanted(kept)).map(Kept::node).collect();
@@ -218,12 +214,11 @@ fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Res
 }
 
 fn read(path: &Path) -> Result<String, BadInput> {
-    let bad = |problem: &str, found: String| BadInput {
-        place: path.display().to_string(),
-        problem: problem.to_owned(),
-        found,
-        expected: "a file of `hil-sim export`".to_owned(),
-        next: "make it: hil-sim export DIR --to tuned.json".to_owned(),
+    let bad = |problem: &str, found: String| {
+        BadInput::new(path.display().to_string(), problem)
+            .found(found)
+            .expected("a file of `hil-sim export`")
+            .next("make it: hil-sim export DIR --to tuned.json")
     };
     let mut text = Vec::new();
     let file = File::open(path).map_err(|error| bad("cannot be read", error.to_string()))?;
@@ -263,12 +258,14 @@ fn nodes(args: &ApplyArgs, tuned: &Tuned) -> Vec<Id> {
 
 fn motor_of<'a>(args: &ApplyArgs, tuned: &'a Tuned, present: &Present) -> Result<&'a Motor, BadInput> {
     let found = tuned.motors.iter().find(|motor| motor.kind() == Some(present.kind));
-    found.ok_or_else(|| BadInput {
-        place: args.file.display().to_string(),
-        problem: format!("has no values for node {}", present.node.number()),
-        found: format!("its motor is a {} (KIND)", present.kind.name()),
-        expected: tuned.motors.iter().map(|motor| motor.motor.as_str()).collect::<Vec<_>>().join(", "),
-        next: "name boards with such a motor (--node), or tune this kind".to_owned(),
+    found.ok_or_else(|| {
+        BadInput::new(
+            args.file.display().to_string(),
+            format!("has no values for node {}", present.node.number()),
+        )
+        .found(format!("its motor is a {} (KIND)", present.kind.name()))
+        .expected(tuned.motors.iter().map(|motor| motor.motor.as_str()).collect::<Vec<_>>().join(", "))
+        .next("name boards with such a motor (--node), or tune this kind")
     })
 }
 

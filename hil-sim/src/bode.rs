@@ -122,12 +122,11 @@ pub fn bode(args: &BodeArgs) -> Result<bool, Box<dyn Error>> {
     let all = lines.len();
     let lines: Vec<Line> =
         lines.into_iter().filter(|line| line.total <= MOST_DEVIATION * line.point.value.norm()).collect();
-    let response = Response::new(lines.iter().map(|line| line.point).collect()).map_err(|_| BadInput {
-        place: title.clone(),
-        problem: "too few frequencies with a sure response".to_owned(),
-        found: format!("{} of {all}", lines.len()),
-        expected: format!("{FEWEST} at least"),
-        next: "excite the loop more, and for longer".to_owned(),
+    let response = Response::new(lines.iter().map(|line| line.point).collect()).map_err(|_| {
+        BadInput::new(title.clone(), "too few frequencies with a sure response")
+            .found(format!("{} of {all}", lines.len()))
+            .expected(format!("{FEWEST} at least"))
+            .next("excite the loop more, and for longer")
     })?;
     let mut margins = response.margins();
     margins.doubts.extend(doubts);

@@ -251,12 +251,11 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let options = Options { seed: args.seed, model, trace: args.out.is_some() };
     let spinner = spinner(&scenario);
     let begun = clock();
-    let outcome = simulate(&scenario, &options).map_err(|e| BadInput {
-        place: args.scenario.clone(),
-        problem: format!("{} is out of range", e.field),
-        found: e.found.to_string(),
-        expected: e.expected.clone(),
-        next: "correct the scenario".to_owned(),
+    let outcome = simulate(&scenario, &options).map_err(|e| {
+        BadInput::new(args.scenario.clone(), format!("{} is out of range", e.field))
+            .found(e.found.to_string())
+            .expected(e.expected.clone())
+            .next("correct the scenario")
     })?;
     let wall_s = (clock() - begun).as_secs_f64();
     drop(spinner);
@@ -313,22 +312,23 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     if is_same_file(&args.csv, &args.capture) {
-        return Err(Box::new(BadInput {
-            place: format!("--csv {}", args.csv.display()),
-            problem: "the estimate would overwrite the recording".to_owned(),
-            found: format!("the same file as {}", args.capture.display()),
-            expected: "a file of its own for the estimate".to_owned(),
-            next: "choose another path".to_owned(),
-        }));
+        return Err(Box::new(
+            BadInput::new(
+                format!("--csv {}", args.csv.display()),
+                "the estimate would overwrite the recording",
+            )
+            .found(format!("the same file as {}", args.capture.display()))
+            .expected("a file of its own for the estimate")
+            .next("choose another path"),
+        ));
     }
     let mut csv = Vec::new();
     let replayed = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
-    replace_file(&args.csv, &csv).map_err(|e| BadInput {
-        place: format!("--csv {}", args.csv.display()),
-        problem: "cannot be written".to_owned(),
-        found: e.to_string(),
-        expected: "a file in an existing folder".to_owned(),
-        next: "choose another path or free space".to_owned(),
+    replace_file(&args.csv, &csv).map_err(|e| {
+        BadInput::new(format!("--csv {}", args.csv.display()), "cannot be written")
+            .found(e.to_string())
+            .expected("a file in an existing folder")
+            .next("choose another path or free space")
     })?;
     for warning in warnings(&replayed) {
         warn(&format!("warning: {}: {warning}", args.capture.display()));

@@ -37,13 +37,15 @@ pub struct CompareArgs {
 pub fn compare(args: &CompareArgs) -> Result<(), Box<dyn Error>> {
     let found = args.inputs.len();
     if !(2..=MOST).contains(&found) {
-        return Err(Box::new(BadInput {
-            place: "compare".to_owned(),
-            problem: if found < 2 { "nothing to compare with" } else { "too many for one page" }.to_owned(),
-            found: format!("{found} inputs"),
-            expected: format!("2 to {MOST}"),
-            next: "give folders of `hil-sim run --out` or traces".to_owned(),
-        }));
+        return Err(Box::new(
+            BadInput::new(
+                "compare",
+                if found < 2 { "nothing to compare with" } else { "too many for one page" }.to_owned(),
+            )
+            .found(format!("{found} inputs"))
+            .expected(format!("2 to {MOST}"))
+            .next("give folders of `hil-sim run --out` or traces"),
+        ));
     }
     let names = names(&args.inputs);
     let inputs: Result<Vec<Recording>, BadInput> =
@@ -102,12 +104,11 @@ fn stored(path: &Path) -> Result<Value, BadInput> {
     if !path.exists() {
         return Ok(Value::Null);
     }
-    let error = |found: String| BadInput {
-        place: path.display().to_string(),
-        problem: "is no description of a run".to_owned(),
-        found,
-        expected: "a file that `hil-sim run --out` has written".to_owned(),
-        next: "make the run again, or give its trace.csv alone".to_owned(),
+    let error = |found: String| {
+        BadInput::new(path.display().to_string(), "is no description of a run")
+            .found(found)
+            .expected("a file that `hil-sim run --out` has written")
+            .next("make the run again, or give its trace.csv alone")
     };
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes));
@@ -116,12 +117,11 @@ fn stored(path: &Path) -> Result<Value, BadInput> {
 }
 
 fn write(out: &Path, inputs: &[PathBuf], comparison: &Comparison) -> Result<(), BadInput> {
-    let error = |problem: &str, found: String, expected: &str| BadInput {
-        place: format!("--out {}", out.display()),
-        problem: problem.to_owned(),
-        found,
-        expected: expected.to_owned(),
-        next: "choose another path, such as compare.html".to_owned(),
+    let error = |problem: &str, found: String, expected: &str| {
+        BadInput::new(format!("--out {}", out.display()), problem)
+            .found(found)
+            .expected(expected)
+            .next("choose another path, such as compare.html")
     };
     let is_of = |input: &Path| {
         is_same_file(out, input)

@@ -20,20 +20,18 @@ pub struct ExportArgs {
 /// No result in the folder, one that did not pass its validation, or a file that cannot be written.
 pub fn export(args: &ExportArgs) -> Result<(), Box<dyn Error>> {
     let source = args.dir.join("tuned.json");
-    let text = std::fs::read_to_string(&source).map_err(|error| BadInput {
-        place: source.display().to_string(),
-        problem: "cannot be read".to_owned(),
-        found: error.to_string(),
-        expected: "the folder of `hil-sim tune --out`".to_owned(),
-        next: "tune first: hil-sim tune --motor link --objective all --out DIR".to_owned(),
+    let text = std::fs::read_to_string(&source).map_err(|error| {
+        BadInput::new(source.display().to_string(), "cannot be read")
+            .found(error.to_string())
+            .expected("the folder of `hil-sim tune --out`")
+            .next("tune first: hil-sim tune --motor link --objective all --out DIR")
     })?;
     let tuned = Tuned::of_result(&source.display().to_string(), &text)?;
-    let unwritten = |problem: &str, found: String, next: &str| BadInput {
-        place: format!("--to {}", args.to.display()),
-        problem: problem.to_owned(),
-        found,
-        expected: "a file of its own in an existing folder".to_owned(),
-        next: next.to_owned(),
+    let unwritten = |problem: &str, found: String, next: &str| {
+        BadInput::new(format!("--to {}", args.to.display()), problem)
+            .found(found)
+            .expected("a file of its own in an existing folder")
+            .next(next)
     };
     if is_same_file(&source, &args.to) {
         let found = format!("the same file as {}", source.display());

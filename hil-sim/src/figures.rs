@@ -51,12 +51,11 @@ impl Figures {
         );
         let mut scenario = Scenario::parse("motor", &text)?;
         self.apply(&mut scenario)?;
-        let wrong = |error: &ParamError| BadInput {
-            place: format!("the {name}"),
-            problem: format!("{} is out of range", error.field),
-            found: error.found.to_string(),
-            expected: error.expected.clone(),
-            next: "give other figures".to_owned(),
+        let wrong = |error: &ParamError| {
+            BadInput::new(format!("the {name}"), format!("{} is out of range", error.field))
+                .found(error.found.to_string())
+                .expected(error.expected.clone())
+                .next("give other figures")
         };
         let options = Options { seed, model: Model::Averaged, trace: false };
         let built = scenario.cases.first().map(|case| rig(&scenario, case, &options));

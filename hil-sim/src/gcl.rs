@@ -82,12 +82,11 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
     }
     if let Some(path) = &args.report {
         let svg = picture::svg(&scene, &start_pose, &typist.hand().pose(), &title(args));
-        replace_file(path, svg.as_bytes()).map_err(|error| BadInput {
-            place: format!("--report {}", path.display()),
-            problem: "cannot be written".to_owned(),
-            found: error.to_string(),
-            expected: "a file in an existing folder".to_owned(),
-            next: "choose another path or free space".to_owned(),
+        replace_file(path, svg.as_bytes()).map_err(|error| {
+            BadInput::new(format!("--report {}", path.display()), "cannot be written")
+                .found(error.to_string())
+                .expected("a file in an existing folder")
+                .next("choose another path or free space")
         })?;
     }
     if args.json {
@@ -133,35 +132,24 @@ fn check(line: &str, place: impl Fn() -> String) -> Result<(), BadInput> {
     let Some(at) = line.bytes().position(|byte| !is_typed(byte)) else { return Ok(()) };
     let byte = line.as_bytes()[at];
     let mark = if line.starts_with('\u{FEFF}') { ", of a byte order mark" } else { "" };
-    Err(BadInput {
-        place: place(),
-        problem: "the hand does not take this line".to_owned(),
-        found: format!("byte 0x{byte:02X} in column {}{mark}", at + 1),
-        expected: "ASCII text, as a person types it".to_owned(),
-        next: "save the file as plain ASCII; packets and control blocks are for programs: hil-sim hand"
-            .to_owned(),
-    })
+    Err(BadInput::new(place(), "the hand does not take this line")
+        .found(format!("byte 0x{byte:02X} in column {}{mark}", at + 1))
+        .expected("ASCII text, as a person types it")
+        .next("save the file as plain ASCII; packets and control blocks are for programs: hil-sim hand"))
 }
 
 fn too_many(place: String) -> BadInput {
-    BadInput {
-        place,
-        problem: "too many lines for one JSON object".to_owned(),
-        found: format!("more than {MAX_JSON_LINES} lines"),
-        expected: "an input that ends".to_owned(),
-        next: "split the script, or omit --json".to_owned(),
-    }
+    BadInput::new(place, "too many lines for one JSON object")
+        .found(format!("more than {MAX_JSON_LINES} lines"))
+        .expected("an input that ends")
+        .next("split the script, or omit --json")
 }
 
 fn timed_out(place: String, no_prompt: &NoPrompt) -> BadInput {
-    BadInput {
-        place,
-        problem: "the hand did not prompt".to_owned(),
-        found: no_prompt.to_string(),
-        expected: format!("a prompt within {} s of simulated time", no_prompt.limit_s),
-        next: "end a line that never ends by itself with ^C; otherwise report this with the events above"
-            .to_owned(),
-    }
+    BadInput::new(place, "the hand did not prompt")
+        .found(no_prompt.to_string())
+        .expected(format!("a prompt within {} s of simulated time", no_prompt.limit_s))
+        .next("end a line that never ends by itself with ^C; otherwise report this with the events above")
 }
 
 fn warn_events(events: &[Event]) {

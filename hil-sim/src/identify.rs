@@ -73,14 +73,7 @@ pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
     for error in &beyond {
         warn(&format!(
             "error: {}",
-            BadInput {
-                place: file.clone(),
-                problem: "the board's model of this motor has a value that no board takes".to_owned(),
-                found: error.found(),
-                expected: error.expected(),
-                next: "compare the figures with the motor's data sheet, and record again; a board without this property has its default"
-                    .to_owned(),
-            }
+            BadInput::new(file.clone(), "the board's model of this motor has a value that no board takes").found(error.found()).expected(error.expected()).next("compare the figures with the motor's data sheet, and record again; a board without this property has its default")
         ));
     }
     Ok(found.missing.is_empty() && beyond.is_empty())

@@ -28,12 +28,11 @@ impl Lines {
             return Ok(Self { from, name: "standard input".to_owned(), are_typed, number: 0, last: None });
         };
         let name = format!("--script {}", path.display());
-        let from = File::open(path).map_err(|error| BadInput {
-            place: name.clone(),
-            problem: "cannot be read".to_owned(),
-            found: error.to_string(),
-            expected: "a text file with one command per line".to_owned(),
-            next: "check the path, or omit --script and pass the lines on standard input".to_owned(),
+        let from = File::open(path).map_err(|error| {
+            BadInput::new(name.clone(), "cannot be read")
+                .found(error.to_string())
+                .expected("a text file with one command per line")
+                .next("check the path, or omit --script and pass the lines on standard input")
         })?;
         Ok(Self { from: Box::new(BufReader::new(from)), name, are_typed: false, number: 0, last: None })
     }
@@ -59,13 +58,10 @@ impl Lines {
                     Err(_) => "bytes that are not UTF-8".to_owned(),
                 },
             };
-            return Err(BadInput {
-                place: self.place(),
-                problem: "this line cannot be read".to_owned(),
-                found: problem,
-                expected: format!("lines of text of up to {MAX_LINE} bytes"),
-                next: "give a text file with one command per line".to_owned(),
-            });
+            return Err(BadInput::new(self.place(), "this line cannot be read")
+                .found(problem)
+                .expected(format!("lines of text of up to {MAX_LINE} bytes"))
+                .next("give a text file with one command per line"));
         }
     }
 

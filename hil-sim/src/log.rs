@@ -136,13 +136,10 @@ fn duration(seconds: Option<f64>) -> Result<Option<Duration>, BadInput> {
     let Some(seconds) = seconds else { return Ok(None) };
     match Duration::try_from_secs_f64(seconds) {
         Ok(duration) if !duration.is_zero() => Ok(Some(duration)),
-        _ => Err(BadInput {
-            place: "--seconds".to_owned(),
-            problem: "is no duration".to_owned(),
-            found: format!("{seconds:e}"),
-            expected: "seconds above 0, and fewer than 1e19".to_owned(),
-            next: "give a duration, or omit it and end with ^C".to_owned(),
-        }),
+        _ => Err(BadInput::new("--seconds", "is no duration")
+            .found(format!("{seconds:e}"))
+            .expected("seconds above 0, and fewer than 1e19")
+            .next("give a duration, or omit it and end with ^C")),
     }
 }
 
@@ -216,23 +213,17 @@ fn place(args: &LogArgs) -> String {
 }
 
 fn silent(args: &LogArgs, found: &str) -> BadInput {
-    BadInput {
-        place: place(args),
-        problem: format!("node {} is silent", args.node),
-        found: found.to_owned(),
-        expected: "a board with its application running".to_owned(),
-        next: "check --node, the board's power, and the cable and termination of the bus".to_owned(),
-    }
+    BadInput::new(place(args), format!("node {} is silent", args.node))
+        .found(found)
+        .expected("a board with its application running")
+        .next("check --node, the board's power, and the cable and termination of the bus")
 }
 
 fn foreign(args: &LogArgs, units: i64) -> BadInput {
-    BadInput {
-        place: place(args),
-        problem: format!("node {} speaks another hand's units", args.node),
-        found: format!("HOSTUNITS {units}"),
-        expected: "HOSTUNITS 0".to_owned(),
-        next: "SET HOSTUNITS (127) to 0, and set it again after the recording".to_owned(),
-    }
+    BadInput::new(place(args), format!("node {} speaks another hand's units", args.node))
+        .found(format!("HOSTUNITS {units}"))
+        .expected("HOSTUNITS 0")
+        .next("SET HOSTUNITS (127) to 0, and set it again after the recording")
 }
 
 fn columns() -> Vec<Column> {

@@ -52,12 +52,11 @@ pub fn margins(args: &MarginsArgs) -> Result<bool, Box<dyn Error>> {
 /// Names of `--columns` with the headers that they mean.
 fn given(columns: &[String]) -> Result<Vec<(String, String)>, BadInput> {
     let part = |text: &String| {
-        let (name, header) = text.split_once('=').ok_or_else(|| BadInput {
-            place: "--columns".to_owned(),
-            problem: "names no column".to_owned(),
-            found: shorten(text),
-            expected: "NAME=HEADER, such as \"mag_db=Channel 2 Magnitude (dB)\"".to_owned(),
-            next: format!("give NAME as one of {}", frf::NAMES.join(", ")),
+        let (name, header) = text.split_once('=').ok_or_else(|| {
+            BadInput::new("--columns", "names no column")
+                .found(shorten(text))
+                .expected("NAME=HEADER, such as \"mag_db=Channel 2 Magnitude (dB)\"")
+                .next(format!("give NAME as one of {}", frf::NAMES.join(", ")))
         })?;
         Ok((name.trim().to_ascii_lowercase(), header.trim().to_owned()))
     };

@@ -65,13 +65,10 @@ fn in_folder(folder: &Path) -> Result<PathBuf, BadInput> {
     if trace.is_file() {
         return Ok(trace);
     }
-    Err(BadInput {
-        place: folder.display().to_string(),
-        problem: "has no trace".to_owned(),
-        found: "no trace.csv in the folder".to_owned(),
-        expected: "a folder that `hil-sim run --out` has written".to_owned(),
-        next: "make it with `hil-sim run NAME --out FOLDER`, or give a trace's file".to_owned(),
-    })
+    Err(BadInput::new(folder.display().to_string(), "has no trace")
+        .found("no trace.csv in the folder")
+        .expected("a folder that `hil-sim run --out` has written")
+        .next("make it with `hil-sim run NAME --out FOLDER`, or give a trace's file"))
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
@@ -81,13 +78,10 @@ fn bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
     let read = File::open(path).and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes));
     read.map_err(|error| bad(&place, TableError::Io(error)))?;
     if bytes.len() as u64 > MOST_BYTES {
-        return Err(BadInput {
-            place,
-            problem: "is too large".to_owned(),
-            found: format!("more than {} MiB", MOST_BYTES >> 20),
-            expected: format!("{} MiB or less", MOST_BYTES >> 20),
-            next: "give a part of it".to_owned(),
-        });
+        return Err(BadInput::new(place, "is too large")
+            .found(format!("more than {} MiB", MOST_BYTES >> 20))
+            .expected(format!("{} MiB or less", MOST_BYTES >> 20))
+            .next("give a part of it"));
     }
     Ok(bytes)
 }

@@ -17,13 +17,12 @@ pub const SWEEP: &str = "sweep.json";
 pub fn print(text: &str) -> Result<(), BadInput> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(BadInput {
-            place: "standard output".to_owned(),
-            problem: "cannot be written".to_owned(),
-            found: e.to_string(),
-            expected: "room for the result".to_owned(),
-            next: "free space, or send the output elsewhere".to_owned(),
-        }),
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(BadInput::new("standard output", "cannot be written")
+                .found(e.to_string())
+                .expected("room for the result")
+                .next("free space, or send the output elsewhere"))
+        }
         _ => Ok(()),
     }
 }
@@ -86,13 +85,10 @@ pub fn check_file(path: &Path) -> Result<(), BadInput> {
 /// A folder that cannot be made or written, or that has the results of a sweep.
 pub fn check_folder(dir: &Path) -> Result<(), BadInput> {
     if dir.join(SWEEP).exists() {
-        return Err(BadInput {
-            place: format!("--out {}", dir.display()),
-            problem: "has the results of a sweep".to_owned(),
-            found: SWEEP.to_owned(),
-            expected: "a folder of its own".to_owned(),
-            next: "choose another folder".to_owned(),
-        });
+        return Err(BadInput::new(format!("--out {}", dir.display()), "has the results of a sweep")
+            .found(SWEEP)
+            .expected("a folder of its own")
+            .next("choose another folder"));
     }
     let checked = std::path::absolute(dir).and_then(|dir| {
         let existing = dir.ancestors().find(|path| path.exists()).unwrap_or(&dir);
@@ -105,13 +101,10 @@ pub fn check_folder(dir: &Path) -> Result<(), BadInput> {
 }
 
 fn unwritable(out: &Path, path: &Path, error: &io::Error, expected: &str) -> BadInput {
-    BadInput {
-        place: format!("--out {}", out.display()),
-        problem: format!("{} cannot be written", path.display()),
-        found: error.to_string(),
-        expected: expected.to_owned(),
-        next: "choose another path, or free space".to_owned(),
-    }
+    BadInput::new(format!("--out {}", out.display()), format!("{} cannot be written", path.display()))
+        .found(error.to_string())
+        .expected(expected)
+        .next("choose another path, or free space")
 }
 
 /// Makes a folder if there is none, and replaces these files of it together, by [`replace_together`].

@@ -165,11 +165,5 @@ fn with_suffix(path: &Path, ending: &str) -> PathBuf {
 }
 
 fn bad(path: &Path, problem: &str, found: String, expected: &str, next: &str) -> BadInput {
-    BadInput {
-        place: format!("--state {}", path.display()),
-        problem: problem.to_owned(),
-        found,
-        expected: expected.to_owned(),
-        next: next.to_owned(),
-    }
+    BadInput::new(format!("--state {}", path.display()), problem).found(found).expected(expected).next(next)
 }

@@ -92,13 +92,12 @@ pub fn sweep(args: &SweepArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let runs = header.range().end - header.range().start;
     if let Some(row) = args.row {
         if row >= sweep.rows() {
-            return Err(Box::new(BadInput {
-                place: format!("--row {row}"),
-                problem: "the sweep has no such run".to_owned(),
-                found: row.to_string(),
-                expected: format!("0 to {}", sweep.rows() - 1),
-                next: "take a number of the column index".to_owned(),
-            }));
+            return Err(Box::new(
+                BadInput::new(format!("--row {row}"), "the sweep has no such run")
+                    .found(row.to_string())
+                    .expected(format!("0 to {}", sweep.rows() - 1))
+                    .next("take a number of the column index"),
+            ));
         }
         let found = |name: &str| quoted(&found_at(&args.sweep, name));
         let line = sweep.line(&sweep.run(row), &found);
@@ -197,13 +196,16 @@ fn cores() -> usize {
 fn fits(header: &Header, out: &Path) -> Result<(), BadInput> {
     let (size, free) = (header.estimate_bytes(), free_bytes(out));
     match free {
-        Some(free) if size > free => Err(BadInput {
-            place: format!("--out {}", out.display()),
-            problem: "the results may not fit on the disk".to_owned(),
-            found: format!("{} free", bytes_text(free)),
-            expected: format!("{} for {} runs", bytes_text(size), header.range().end - header.range().start),
-            next: "take fewer values or samples, use --shard, or choose a larger disk".to_owned(),
-        }),
+        Some(free) if size > free => {
+            Err(BadInput::new(format!("--out {}", out.display()), "the results may not fit on the disk")
+                .found(format!("{} free", bytes_text(free)))
+                .expected(format!(
+                    "{} for {} runs",
+                    bytes_text(size),
+                    header.range().end - header.range().start
+                ))
+                .next("take fewer values or samples, use --shard, or choose a larger disk"))
+        }
         _ => Ok(()),
     }
 }
@@ -217,12 +219,11 @@ fn bytes_text(bytes: u128) -> String {
 }
 
 fn read(path: &Path) -> Result<Sweep, BadInput> {
-    let bad = |problem: &str, found: String| BadInput {
-        place: path.display().to_string(),
-        problem: problem.to_owned(),
-        found,
-        expected: "a sweep as TOML (docs/sweep.md)".to_owned(),
-        next: "check the path".to_owned(),
+    let bad = |problem: &str, found: String| {
+        BadInput::new(path.display().to_string(), problem)
+            .found(found)
+            .expected("a sweep as TOML (docs/sweep.md)")
+            .next("check the path")
     };
     let meta = path.metadata().map_err(|e| bad("cannot be read", e.to_string()))?;
     if !meta.is_file() || meta.len() > MOST_BYTES {

@@ -96,12 +96,11 @@ impl Header {
             Err(e) => return Err(failed(&path, &e)),
             Ok(_) => {}
         }
-        serde_json::from_slice(&bytes).map(Some).map_err(|e| BadInput {
-            place: path.display().to_string(),
-            problem: "is no description of a sweep".to_owned(),
-            found: e.to_string(),
-            expected: "a file that hil-sim sweep has written".to_owned(),
-            next: "choose another folder".to_owned(),
+        serde_json::from_slice(&bytes).map(Some).map_err(|e| {
+            BadInput::new(path.display().to_string(), "is no description of a sweep")
+                .found(e.to_string())
+                .expected("a file that hil-sim sweep has written")
+                .next("choose another folder")
         })
     }
 
@@ -187,12 +186,11 @@ pub struct Table {
 impl Table {
     /// Opens the table of a folder, which is made if it is missing. `resumes`: continues what is there; otherwise nothing may be.
     pub fn open(folder: &Path, header: &Header, resumes: bool) -> Result<Self, BadInput> {
-        let error = |problem: &str, found: String, expected: &str, next: &str| BadInput {
-            place: format!("--out {}", folder.display()),
-            problem: problem.to_owned(),
-            found,
-            expected: expected.to_owned(),
-            next: next.to_owned(),
+        let error = |problem: &str, found: String, expected: &str, next: &str| {
+            BadInput::new(format!("--out {}", folder.display()), problem)
+                .found(found)
+                .expected(expected)
+                .next(next)
         };
         match (Header::read(folder)?, resumes) {
             (Some(found), true) => {
@@ -299,14 +297,10 @@ fn is_empty(folder: &Path) -> Result<bool, BadInput> {
 }
 
 pub fn failed(path: &Path, error: &io::Error) -> BadInput {
-    BadInput {
-        place: path.display().to_string(),
-        problem: "cannot be read or written".to_owned(),
-        found: error.to_string(),
-        expected: "a folder that can be written, with free space".to_owned(),
-        next: "free space or choose another folder; a sweep that has begun continues with --resume"
-            .to_owned(),
-    }
+    BadInput::new(path.display().to_string(), "cannot be read or written")
+        .found(error.to_string())
+        .expected("a folder that can be written, with free space")
+        .next("free space or choose another folder; a sweep that has begun continues with --resume")
 }
 
 /// The next line with its line end; `None` at the end of the file, within a line, or at bytes that are no text.
@@ -327,12 +321,11 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Tally, BadInput> {
     let mut shards = Vec::new();
     for folder in folders {
         let header = Header::read(folder)?;
-        let header = header.ok_or_else(|| BadInput {
-            place: folder.display().to_string(),
-            problem: "has no results of a sweep".to_owned(),
-            found: format!("no {SWEEP}"),
-            expected: "a folder that hil-sim sweep --out has written".to_owned(),
-            next: "check the path".to_owned(),
+        let header = header.ok_or_else(|| {
+            BadInput::new(folder.display().to_string(), "has no results of a sweep")
+                .found(format!("no {SWEEP}"))
+                .expected("a folder that hil-sim sweep --out has written")
+                .next("check the path")
         })?;
         shards.push((folder.as_path(), header));
     }
@@ -342,13 +335,10 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Tally, BadInput> {
         return Ok(Tally::default());
     };
     if !is_empty(out)? {
-        return Err(BadInput {
-            place: format!("--out {}", out.display()),
-            problem: "is not empty".to_owned(),
-            found: "files".to_owned(),
-            expected: "a new folder".to_owned(),
-            next: "choose another folder".to_owned(),
-        });
+        return Err(BadInput::new(format!("--out {}", out.display()), "is not empty")
+            .found("files")
+            .expected("a new folder")
+            .next("choose another folder"));
     }
     let is_new = !out.exists();
     fs::create_dir_all(out).map_err(|e| failed(out, &e))?;
@@ -381,12 +371,8 @@ fn merge_into(out: &Path, shards: &[(&Path, Header)], whole: &Header) -> Result<
 /// Whether these are all shards of one sweep, each once.
 fn check_shards(shards: &[(&Path, Header)]) -> Result<(), BadInput> {
     let Some(((first, header), others)) = shards.split_first() else { return Ok(()) };
-    let error = |folder: &Path, problem: String, found: String, expected: String, next: &str| BadInput {
-        place: folder.display().to_string(),
-        problem,
-        found,
-        expected,
-        next: next.to_owned(),
+    let error = |folder: &Path, problem: String, found: String, expected: String, next: &str| {
+        BadInput::new(folder.display().to_string(), problem).found(found).expected(expected).next(next)
     };
     for (folder, other) in others {
         if let Some((name, expected, found)) = header.difference(other) {
@@ -454,21 +440,21 @@ fn append(
         next += 1;
     }
     if next < header.range().end {
-        return Err(BadInput {
-            place: path.display().to_string(),
-            problem: format!("shard {} is not complete", header.shard),
-            found: format!(
-                "{} of {} runs",
-                next - header.range().start,
-                header.range().end - header.range().start
-            ),
-            expected: "all runs".to_owned(),
-            next: format!(
-                "continue it: hil-sim sweep SWEEP.toml --out {} --shard {} --resume",
-                folder.display(),
-                header.shard
-            ),
-        });
+        return Err(BadInput::new(
+            path.display().to_string(),
+            format!("shard {} is not complete", header.shard),
+        )
+        .found(format!(
+            "{} of {} runs",
+            next - header.range().start,
+            header.range().end - header.range().start
+        ))
+        .expected("all runs")
+        .next(format!(
+            "continue it: hil-sim sweep SWEEP.toml --out {} --shard {} --resume",
+            folder.display(),
+            header.shard
+        )));
     }
     Ok(())
 }

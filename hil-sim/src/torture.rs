@@ -249,12 +249,11 @@ fn numbers(option: &str, text: Option<&str>) -> Result<Option<Vec<usize>>, BadIn
         return Ok(Some(Vec::new()));
     }
     let all: Result<Vec<usize>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-    all.map(Some).map_err(|_| BadInput {
-        place: option.to_owned(),
-        problem: "is no list of numbers".to_owned(),
-        found: format!("{text:?}"),
-        expected: "numbers with commas, such as 0,3,7, or none".to_owned(),
-        next: "copy the line that the failing run printed".to_owned(),
+    all.map(Some).map_err(|_| {
+        BadInput::new(option, "is no list of numbers")
+            .found(format!("{text:?}"))
+            .expected("numbers with commas, such as 0,3,7, or none")
+            .next("copy the line that the failing run printed")
     })
 }
 
@@ -265,12 +264,11 @@ fn are_of(case: &Case, alone: bool, selection: &Selection) -> Result<(), BadInpu
         [("--steps", &selection.steps, case.steps.len()), ("--faults", &selection.faults, case.faults.len())];
     for (option, chosen, len) in parts {
         let Some(chosen) = chosen.as_ref().filter(|chosen| !chosen.is_empty()) else { continue };
-        let bad = |problem: &str, found: String, expected: String| BadInput {
-            place: option.to_owned(),
-            problem: problem.to_owned(),
-            found,
-            expected,
-            next: "copy the line that the failing run printed".to_owned(),
+        let bad = |problem: &str, found: String, expected: String| {
+            BadInput::new(option, problem)
+                .found(found)
+                .expected(expected)
+                .next("copy the line that the failing run printed")
         };
         if !alone {
             let found = "several seeds".to_owned();
@@ -484,22 +482,23 @@ fn replay(
 ) -> Result<bool, Box<dyn Error>> {
     let path = file.unwrap_or_else(|| PathBuf::from(format!("torture-{seed}.txt")));
     if args.json && is_same_file(&path, Path::new("/dev/stdout")) {
-        return Err(Box::new(BadInput {
-            place: format!("--replay {}", path.display()),
-            problem: "the report would be mixed with the JSON object".to_owned(),
-            found: "standard output, with --json".to_owned(),
-            expected: "a file of its own for the report".to_owned(),
-            next: "choose another path, or leave out --json".to_owned(),
-        }));
+        return Err(Box::new(
+            BadInput::new(
+                format!("--replay {}", path.display()),
+                "the report would be mixed with the JSON object",
+            )
+            .found("standard output, with --json")
+            .expected("a file of its own for the report")
+            .next("choose another path, or leave out --json"),
+        ));
     }
     let case = args.case(seed).select(selection);
     let (outcome, events) = run_with_events(&case);
-    replace_file(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| BadInput {
-        place: format!("--replay {}", path.display()),
-        problem: "cannot be written".to_owned(),
-        found: e.to_string(),
-        expected: "a file in an existing folder".to_owned(),
-        next: "choose another path or free space".to_owned(),
+    replace_file(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| {
+        BadInput::new(format!("--replay {}", path.display()), "cannot be written")
+            .found(e.to_string())
+            .expected("a file in an existing folder")
+            .next("choose another path or free space")
     })?;
     let held = outcome.violation.is_none();
     let found = outcome.violation.map_or_else(

@@ -187,12 +187,11 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let pareto = pareto(args)?;
     args.out.as_deref().map_or(Ok(()), check_folder)?;
     let jobs = args.jobs.map_or(0, |jobs| jobs as usize);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(|e| BadInput {
-        place: "--jobs".to_owned(),
-        problem: "the threads cannot be started".to_owned(),
-        found: e.to_string(),
-        expected: "fewer threads than the system allows".to_owned(),
-        next: "give a smaller number".to_owned(),
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(|e| {
+        BadInput::new("--jobs", "the threads cannot be started")
+            .found(e.to_string())
+            .expected("fewer threads than the system allows")
+            .next("give a smaller number")
     })?;
     let mut all = Vec::new();
     for kind in args.motor.kinds() {
@@ -256,25 +255,24 @@ fn pareto(args: &TuneArgs) -> Result<Vec<String>, BadInput> {
     let known: Vec<&str> = metrics::METRICS.iter().map(|metric| metric.name).collect();
     for name in &args.pareto {
         if !known.contains(&name.as_str()) {
-            return Err(BadInput {
-                place: format!("--pareto {}", input::shorten(name)),
-                problem: "no metric has this name".to_owned(),
-                found: input::shorten(name),
-                expected: known.join(", "),
-                next: input::did_you_mean(name, known.iter().copied())
+            return Err(BadInput::new(
+                format!("--pareto {}", input::shorten(name)),
+                "no metric has this name",
+            )
+            .found(input::shorten(name))
+            .expected(known.join(", "))
+            .next(
+                input::did_you_mean(name, known.iter().copied())
                     .unwrap_or_else(|| "use two of those".to_owned()),
-            });
+            ));
         }
     }
     let [.., last] = args.pareto.as_slice() else { return Ok(Vec::new()) };
     if args.pareto.len() != 2 || args.pareto.first() == Some(last) {
-        return Err(BadInput {
-            place: "--pareto".to_owned(),
-            problem: "a front has two metrics".to_owned(),
-            found: args.pareto.join(","),
-            expected: "two different names with a comma".to_owned(),
-            next: "give for example --pareto tracking_rms_counts,chatter".to_owned(),
-        });
+        return Err(BadInput::new("--pareto", "a front has two metrics")
+            .found(args.pareto.join(","))
+            .expected("two different names with a comma")
+            .next("give for example --pareto tracking_rms_counts,chatter"));
     }
     Ok(args.pareto.clone())
 }
@@ -330,13 +328,7 @@ fn drawable(ensemble: &Ensemble, (first, plants): (u64, u64)) -> Result<(), BadI
         .map(|i| first.wrapping_add(i))
         .find_map(|seed| ensemble.plant(base, seed).validate().err().map(|error| (seed, error)));
     let Some((seed, error)) = wrong else { return Ok(()) };
-    Err(BadInput {
-        place: format!("the {}, plant {seed}", ensemble.motor.name()),
-        problem: format!("{} is out of range", error.field),
-        found: error.found.to_string(),
-        expected: error.expected,
-        next: "give other --plant or --supply figures: the plants are ±30 % about them, at 20 to 28 V unless --supply is given".to_owned(),
-    })
+    Err(BadInput::new(format!("the {}, plant {seed}", ensemble.motor.name()), format!("{} is out of range", error.field)).found(error.found.to_string()).expected(error.expected).next("give other --plant or --supply figures: the plants are ±30 % about them, at 20 to 28 V unless --supply is given"))
 }
 
 /// The shipped scenarios of the motor alone, for gains that are to suit everything.
@@ -389,24 +381,15 @@ fn knee(property: &Property) -> f64 {
 
 fn unknown(name: &str) -> BadInput {
     let known = properties::PROPERTIES.map(|property| property.name);
-    BadInput {
-        place: format!("--properties {}", input::shorten(name)),
-        problem: "no property has this name".to_owned(),
-        found: input::shorten(name),
-        expected: format!("one of {}", properties::names()),
-        next: input::did_you_mean(name, known.into_iter()).unwrap_or_else(|| "use one of those".to_owned()),
-    }
+    BadInput::new(format!("--properties {}", input::shorten(name)), "no property has this name")
+        .found(input::shorten(name))
+        .expected(format!("one of {}", properties::names()))
+        .next(input::did_you_mean(name, known.into_iter()).unwrap_or_else(|| "use one of those".to_owned()))
 }
 
 /// The start breaks a limit, and so does every candidate.
 fn hopeless(kind: MotorKind, broken: &Broken) -> BadInput {
-    BadInput {
-        place: format!("--motor {}", kind.name()),
-        problem: "no candidate keeps the limits on all plants".to_owned(),
-        found: format!("{} on plant {}: {}", broken.objective, broken.seed, broken.what),
-        expected: "gains without a broken limit".to_owned(),
-        next: "give more time with --budget, describe the motor with --set MKA, MKE, MFC and MFS, or lower what it must do".to_owned(),
-    }
+    BadInput::new(format!("--motor {}", kind.name()), "no candidate keeps the limits on all plants").found(format!("{} on plant {}: {}", broken.objective, broken.seed, broken.what)).expected("gains without a broken limit").next("give more time with --budget, describe the motor with --set MKA, MKE, MFC and MFS, or lower what it must do")
 }
 
 fn search(

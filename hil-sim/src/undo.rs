@@ -69,16 +69,13 @@ impl Kept {
         if found.serial == self.serial {
             return Ok(());
         }
-        Err(BadInput {
-            place: path.display().to_string(),
-            problem: format!(
-                "node {} is another board than the one whose old values are kept here",
-                self.node
-            ),
-            found: format!("SN {}", found.serial),
-            expected: format!("SN {}", self.serial),
-            next: "connect that board, or move this file away if nobody needs its old values".to_owned(),
-        })
+        Err(BadInput::new(
+            path.display().to_string(),
+            format!("node {} is another board than the one whose old values are kept here", self.node),
+        )
+        .found(format!("SN {}", found.serial))
+        .expected(format!("SN {}", self.serial))
+        .next("connect that board, or move this file away if nobody needs its old values"))
     }
 }
 
@@ -100,12 +97,14 @@ impl Undo {
     /// # Errors
     /// It cannot be read or has another form.
     pub fn load(path: &Path) -> Result<Option<Self>, BadInput> {
-        let bad = |line: usize, problem: &str, found: &str| BadInput {
-            place: if line > 0 { format!("{}:{line}", path.display()) } else { path.display().to_string() },
-            problem: problem.to_owned(),
-            found: input::shorten(found),
-            expected: "old values as `apply` keeps them (docs/tuning.md)".to_owned(),
-            next: "correct the file; it has what the boards held before".to_owned(),
+        let bad = |line: usize, problem: &str, found: &str| {
+            BadInput::new(
+                if line > 0 { format!("{}:{line}", path.display()) } else { path.display().to_string() },
+                problem,
+            )
+            .found(input::shorten(found))
+            .expected("old values as `apply` keeps them (docs/tuning.md)")
+            .next("correct the file; it has what the boards held before")
         };
         let text = match std::fs::read_to_string(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -208,12 +207,11 @@ impl Undo {
                 _ => Err(error),
             }),
         };
-        done.map_err(|error| BadInput {
-            place: path.display().to_string(),
-            problem: "the old values cannot be kept".to_owned(),
-            found: error.to_string(),
-            expected: "a file that can be written beside the applied one".to_owned(),
-            next: "free space, or copy the file into a folder of yours and apply it there".to_owned(),
+        done.map_err(|error| {
+            BadInput::new(path.display().to_string(), "the old values cannot be kept")
+                .found(error.to_string())
+                .expected("a file that can be written beside the applied one")
+                .next("free space, or copy the file into a folder of yours and apply it there")
         })
     }
 }

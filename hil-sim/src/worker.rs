@@ -89,13 +89,12 @@ impl Overrides {
 pub fn worker() -> Result<bool, Box<dyn Error>> {
     let done = answer_all(&mut io::stdin().lock(), &mut io::stdout().lock());
     match done {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Box::new(BadInput {
-            place: "standard input or output".to_owned(),
-            problem: "failed".to_owned(),
-            found: e.to_string(),
-            expected: "a pipe or a file".to_owned(),
-            next: "start the worker again".to_owned(),
-        })),
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Box::new(
+            BadInput::new("standard input or output", "failed")
+                .found(e.to_string())
+                .expected("a pipe or a file")
+                .next("start the worker again"),
+        )),
         _ => Ok(true),
     }
 }
@@ -137,13 +136,10 @@ fn skip_line(jobs: &mut impl BufRead) -> io::Result<()> {
 }
 
 fn too_long(number: u64) -> Value {
-    let bad = BadInput {
-        place: format!("standard input:{number}"),
-        problem: "the job is too long".to_owned(),
-        found: format!("more than {MOST_BYTES} bytes without a line end"),
-        expected: "one JSON object a line".to_owned(),
-        next: "name a scenario's file instead of its text".to_owned(),
-    };
+    let bad = BadInput::new(format!("standard input:{number}"), "the job is too long")
+        .found(format!("more than {MOST_BYTES} bytes without a line end"))
+        .expected("one JSON object a line")
+        .next("name a scenario's file instead of its text");
     refusal(&Value::Null, &bad)
 }
 
@@ -159,26 +155,19 @@ fn answer(line: &[u8], number: u64) -> Value {
         Err(e) => {
             // The caller's own number for the job, if it can be read.
             let id = serde_json::from_slice::<Value>(line).ok().and_then(|job| job.get("id").cloned());
-            let bad = BadInput {
-                place: format!("standard input:{number}"),
-                problem: e.to_string(),
-                found: shorten(&String::from_utf8_lossy(line)),
-                expected: "a JSON object with scenario or toml, and set, plant, rig, supply, seed, model, id"
-                    .to_owned(),
-                next: "see docs/sweep.md".to_owned(),
-            };
+            let bad = BadInput::new(format!("standard input:{number}"), e.to_string())
+                .found(shorten(&String::from_utf8_lossy(line)))
+                .expected("a JSON object with scenario or toml, and set, plant, rig, supply, seed, model, id")
+                .next("see docs/sweep.md");
             return refusal(&id.unwrap_or_default(), &bad);
         }
     };
     // A defect of the simulator ends one job, not the worker.
     let done = std::panic::catch_unwind(|| result(&job)).unwrap_or_else(|_| {
-        Err(BadInput {
-            place: "simulator".to_owned(),
-            problem: "it panicked".to_owned(),
-            found: format!("job of line {number}"),
-            expected: "a result".to_owned(),
-            next: "report it".to_owned(),
-        })
+        Err(BadInput::new("simulator", "it panicked")
+            .found(format!("job of line {number}"))
+            .expected("a result")
+            .next("report it"))
     });
     match done {
         Ok((passed, result)) => {
@@ -201,14 +190,12 @@ fn result(job: &Job) -> Result<(bool, Value), BadInput> {
         (Some(name), None) => Scenario::find(name)?,
         (None, Some(text)) => Scenario::parse("toml", text)?,
         (name, _) => {
-            return Err(BadInput {
-                place: "job".to_owned(),
-                problem: "needs one scenario".to_owned(),
-                found: if name.is_some() { "scenario and toml" } else { "neither scenario nor toml" }
-                    .to_owned(),
-                expected: "scenario, a name or a file; or toml, a text".to_owned(),
-                next: "give one of the two".to_owned(),
-            });
+            return Err(BadInput::new("job", "needs one scenario")
+                .found(
+                    if name.is_some() { "scenario and toml" } else { "neither scenario nor toml" }.to_owned(),
+                )
+                .expected("scenario, a name or a file; or toml, a text")
+                .next("give one of the two"));
         }
     };
     for assignment in job.set.assignments() {
@@ -225,12 +212,11 @@ fn result(job: &Job) -> Result<(bool, Value), BadInput> {
         ModelName::Switched => Model::Switched,
     };
     let options = Options { seed: job.seed, model, trace: false };
-    let outcome = run(&scenario, &options).map_err(|e| BadInput {
-        place: scenario.arguments.clone(),
-        problem: format!("{} is out of range", e.field),
-        found: e.found.to_string(),
-        expected: e.expected,
-        next: "correct the job".to_owned(),
+    let outcome = run(&scenario, &options).map_err(|e| {
+        BadInput::new(scenario.arguments.clone(), format!("{} is out of range", e.field))
+            .found(e.found.to_string())
+            .expected(e.expected)
+            .next("correct the job")
     })?;
     Ok((outcome.passed(), json_value_of(&outcome)))
 }

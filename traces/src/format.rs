@@ -29,13 +29,10 @@ impl Format {
             Some("csv") => Ok(Self::Csv),
             Some("mcap") => Ok(Self::Mcap),
             Some("parquet") => Ok(Self::Parquet),
-            _ => Err(BadInput {
-                place: path.display().to_string(),
-                problem: "the extension names no format".to_owned(),
-                found: extension.map_or_else(|| "no extension".to_owned(), |other| format!(".{other}")),
-                expected: ".csv, .mcap or .parquet".to_owned(),
-                next: "choose a file with one of these extensions".to_owned(),
-            }),
+            _ => Err(BadInput::new(path.display().to_string(), "the extension names no format")
+                .found(extension.map_or_else(|| "no extension".to_owned(), |other| format!(".{other}")))
+                .expected(".csv, .mcap or .parquet")
+                .next("choose a file with one of these extensions")),
         }
     }
 

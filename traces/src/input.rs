@@ -17,6 +17,35 @@ pub struct BadInput {
     pub next: String,
 }
 
+impl BadInput {
+    /// A problem at a place. What follows says the rest: `.found(..).expected(..).next(..)`.
+    pub fn new(place: impl Into<String>, problem: impl Into<String>) -> Self {
+        let [found, expected, next] = [const { String::new() }; 3];
+        Self { place: place.into(), problem: problem.into(), found, expected, next }
+    }
+
+    /// What was found.
+    #[must_use]
+    pub fn found(mut self, found: impl Into<String>) -> Self {
+        self.found = found.into();
+        self
+    }
+
+    /// What is valid.
+    #[must_use]
+    pub fn expected(mut self, expected: impl Into<String>) -> Self {
+        self.expected = expected.into();
+        self
+    }
+
+    /// The next step.
+    #[must_use]
+    pub fn next(mut self, next: impl Into<String>) -> Self {
+        self.next = next.into();
+        self
+    }
+}
+
 impl fmt::Display for BadInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { place, problem, found, expected, next } = self;

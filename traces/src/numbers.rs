@@ -45,13 +45,10 @@ impl Numbers {
         for (at, own) in numbers.columns.iter().enumerate() {
             if numbers.columns[..at].iter().any(|other| other.name.eq_ignore_ascii_case(&own.name)) {
                 let found = if own.name.is_empty() { "no name" } else { &own.name };
-                return Err(BadInput {
-                    place: numbers.header(),
-                    problem: "two columns have the same name".to_owned(),
-                    found: shorten(found),
-                    expected: "each name once".to_owned(),
-                    next: "name the columns in the first line".to_owned(),
-                });
+                return Err(BadInput::new(numbers.header(), "two columns have the same name")
+                    .found(shorten(found))
+                    .expected("each name once")
+                    .next("name the columns in the first line"));
             }
         }
         let mut row = 0;
@@ -135,14 +132,13 @@ impl Numbers {
     pub fn need(&self, names: &[&str], expected: &str) -> Result<usize, BadInput> {
         self.find(names).ok_or_else(|| {
             let wanted = names.first().copied().unwrap_or_default();
-            BadInput {
-                place: self.header(),
-                problem: format!("no column {wanted}"),
-                found: shorten(&self.names().collect::<Vec<_>>().join(", ")),
-                expected: expected.to_owned(),
-                next: did_you_mean(wanted, self.names())
-                    .unwrap_or_else(|| "name the columns in the first line".to_owned()),
-            }
+            BadInput::new(self.header(), format!("no column {wanted}"))
+                .found(shorten(&self.names().collect::<Vec<_>>().join(", ")))
+                .expected(expected)
+                .next(
+                    did_you_mean(wanted, self.names())
+                        .unwrap_or_else(|| "name the columns in the first line".to_owned()),
+                )
         })
     }
 
@@ -197,19 +193,16 @@ impl Numbers {
             (None, Some(value)) => value.to_string(),
             (None, None) => "nothing".to_owned(),
         };
-        BadInput {
-            place: format!("{}:{line}", self.place),
-            problem: format!("{}: {problem}", self.name(column)),
-            found,
-            expected: expected.to_owned(),
-            next: "correct this row, or leave it out".to_owned(),
-        }
+        BadInput::new(format!("{}:{line}", self.place), format!("{}: {problem}", self.name(column)))
+            .found(found)
+            .expected(expected)
+            .next("correct this row, or leave it out")
     }
 
     /// An error of the whole file.
     #[must_use]
     pub fn bad_file(&self, problem: String, found: String, expected: String, next: &str) -> BadInput {
-        BadInput { place: self.place.clone(), problem, found, expected, next: next.to_owned() }
+        BadInput::new(self.place.clone(), problem).found(found).expected(expected).next(next)
     }
 }
 
@@ -218,26 +211,20 @@ impl Numbers {
 pub fn bad(place: &str, error: TableError) -> BadInput {
     let expected = "a whole table".to_owned();
     match error {
-        TableError::Io(error) => BadInput {
-            place: place.to_owned(),
-            problem: "cannot be read or written".to_owned(),
-            found: error.to_string(),
-            expected: "a file that can be read, or a place that can be written".to_owned(),
-            next: "check the path, its rights and the free space".to_owned(),
-        },
-        TableError::File(found) => BadInput {
-            place: place.to_owned(),
-            problem: "the file is no trace, or truncated or damaged".to_owned(),
-            found,
-            expected,
-            next: "make the file again, or choose another".to_owned(),
-        },
-        TableError::Place { row, column, found, expected } => BadInput {
-            place: format!("{place}:{row}"),
-            problem: if column.is_empty() { "bad row".to_owned() } else { format!("column {column}") },
-            found,
-            expected,
-            next: "correct the file, or make it again".to_owned(),
-        },
+        TableError::Io(error) => BadInput::new(place, "cannot be read or written")
+            .found(error.to_string())
+            .expected("a file that can be read, or a place that can be written")
+            .next("check the path, its rights and the free space"),
+        TableError::File(found) => BadInput::new(place, "the file is no trace, or truncated or damaged")
+            .found(found)
+            .expected(expected)
+            .next("make the file again, or choose another"),
+        TableError::Place { row, column, found, expected } => BadInput::new(
+            format!("{place}:{row}"),
+            if column.is_empty() { "bad row".to_owned() } else { format!("column {column}") },
+        )
+        .found(found)
+        .expected(expected)
+        .next("correct the file, or make it again"),
     }
 }

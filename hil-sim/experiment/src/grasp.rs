@@ -75,12 +75,11 @@ const PRESS_N: f64 = 200.0;
 /// # Errors
 /// The file cannot be read or is invalid, or a finger starts inside an object.
 pub fn read(path: &Path, pose: &Pose) -> Result<Scene, BadInput> {
-    let bad = |found: String| BadInput {
-        place: path.display().to_string(),
-        problem: "cannot be read".to_owned(),
-        found,
-        expected: "a TOML file with [[object]] tables".to_owned(),
-        next: "check the path; hil-sim/grasps has some".to_owned(),
+    let bad = |found: String| {
+        BadInput::new(path.display().to_string(), "cannot be read")
+            .found(found)
+            .expected("a TOML file with [[object]] tables")
+            .next("check the path; hil-sim/grasps has some")
     };
     let meta = path.metadata().map_err(|error| bad(error.to_string()))?;
     if !meta.is_file() || meta.len() > MAX_FILE_BYTES {

@@ -90,26 +90,20 @@ pub fn replay(
     out: &mut impl Write,
 ) -> Result<Replayed, BadInput> {
     if !(1000..=1_000_000).contains(&rate_hz) {
-        return Err(BadInput {
-            place: "--rate-hz".to_owned(),
-            problem: "the sample rate is out of range".to_owned(),
-            found: rate_hz.to_string(),
-            expected: "1000 to 1000000 samples a second".to_owned(),
-            next: "give the recorder's rate, which is usually 30000".to_owned(),
-        });
+        return Err(BadInput::new("--rate-hz", "the sample rate is out of range")
+            .found(rate_hz.to_string())
+            .expected("1000 to 1000000 samples a second")
+            .next("give the recorder's rate, which is usually 30000"));
     }
     let estimate = estimator_for(counts_per_rev)?;
     let raw = bytes(capture, MAX_BYTES)?;
     let Samples { codes, bad, dropped, impossible } =
         samples(&raw).map_err(|NoSamplesAfter(at)| no_samples(capture, raw.len(), at))?;
     if impossible.count == codes.len() {
-        return Err(BadInput {
-            place: capture.display().to_string(),
-            problem: "no sample has a possible hall code".to_owned(),
-            found: format!("{} samples, each with the code 0 or 7 or with other bits set", codes.len()),
-            expected: "codes 1 to 6".to_owned(),
-            next: "check the supply and the wires of the sensors, and record again".to_owned(),
-        });
+        return Err(BadInput::new(capture.display().to_string(), "no sample has a possible hall code")
+            .found(format!("{} samples, each with the code 0 or 7 or with other bits set", codes.len()))
+            .expected("codes 1 to 6")
+            .next("check the supply and the wires of the sensors, and record again"));
     }
     let mut saturated = Tally::default();
     let limit = SPEED_MAX.0.to_num::<f64>();
@@ -117,12 +111,11 @@ pub fn replay(
         if velocity.abs() >= limit {
             saturated.add(1, line);
         }
-        writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| BadInput {
-            place: capture.display().to_string(),
-            problem: "its estimate cannot be written".to_owned(),
-            found: e.to_string(),
-            expected: "room for a line a sample".to_owned(),
-            next: "free space, or choose another path".to_owned(),
+        writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| {
+            BadInput::new(capture.display().to_string(), "its estimate cannot be written")
+                .found(e.to_string())
+                .expected("room for a line a sample")
+                .next("free space, or choose another path")
         })?;
     }
     Ok(Replayed { samples: codes.len(), bad, dropped, impossible, saturated })
@@ -136,13 +129,10 @@ fn no_samples(capture: &Path, len: usize, at: usize) -> BadInput {
             format!("unpack it if it is packed, cut it at byte {at}, or record again"),
         ),
     };
-    BadInput {
-        place: capture.display().to_string(),
-        problem,
-        found: format!("{} bytes, of which nowhere five samples in a row begin with 0x5A", len - at),
-        expected: "three bytes a sample: 0x5A, the hall code, 0".to_owned(),
-        next,
-    }
+    BadInput::new(capture.display().to_string(), problem)
+        .found(format!("{} bytes, of which nowhere five samples in a row begin with 0x5A", len - at))
+        .expected("three bytes a sample: 0x5A, the hall code, 0")
+        .next(next)
 }
 
 /// The estimator of a motor with this many counts a revolution, six for each pole pair. The hand's own motor
@@ -153,13 +143,7 @@ fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
             match counts_per_rev {
                 18 => Ok(estimate::<18> as Estimate),
                 $(counts if counts == 6 * $pairs => Ok(estimate::<{ 12 * $pairs }> as Estimate),)*
-                _ => Err(BadInput {
-                    place: "--counts-per-rev".to_owned(),
-                    problem: "no motor has so many counts a revolution".to_owned(),
-                    found: counts_per_rev.to_string(),
-                    expected: "six counts for each pair of poles, 6 to 180".to_owned(),
-                    next: "give the motor's pairs of poles times six; the hand's motors have 18".to_owned(),
-                }),
+                _ => Err(BadInput::new("--counts-per-rev", "no motor has so many counts a revolution").found(counts_per_rev.to_string()).expected("six counts for each pair of poles, 6 to 180").next("give the motor's pairs of poles times six; the hand's motors have 18")),
             }
         };
     }
@@ -170,12 +154,11 @@ fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
 type Estimate = fn(&[u8], u32) -> Vec<(f64, f64)>;
 
 fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
-    let fail = |problem: &str, found: String, next: &str| BadInput {
-        place: path.display().to_string(),
-        problem: problem.to_owned(),
-        found,
-        expected: format!("a capture of at most {most} bytes, gzipped or not"),
-        next: next.to_owned(),
+    let fail = |problem: &str, found: String, next: &str| {
+        BadInput::new(path.display().to_string(), problem)
+            .found(found)
+            .expected(format!("a capture of at most {most} bytes, gzipped or not"))
+            .next(next)
     };
     let unread = |e: std::io::Error| fail("cannot be read", e.to_string(), "check the path");
     // Check the type before opening: opening a pipe may block forever.

@@ -46,11 +46,5 @@ pub struct NewClient {
 
 /// An error of the command line.
 pub fn bad(place: String, found: &str, expected: &str, next: &str) -> BadInput {
-    BadInput {
-        place,
-        problem: "cannot be served".to_owned(),
-        found: found.to_owned(),
-        expected: expected.to_owned(),
-        next: next.to_owned(),
-    }
+    BadInput::new(place, "cannot be served").found(found).expected(expected).next(next)
 }

@@ -194,12 +194,11 @@ impl Run {
         // The motion goes on until it is told to end.
         case.config.tstop = 0;
         let options = Options { seed, model: Model::Averaged, trace: false };
-        let mut node = board(&scenario, &case, &options).map_err(|e| BadInput {
-            place: scenario.arguments.clone(),
-            problem: format!("{} is out of range", e.field),
-            found: e.found.to_string(),
-            expected: e.expected.clone(),
-            next: "choose other values".to_owned(),
+        let mut node = board(&scenario, &case, &options).map_err(|e| {
+            BadInput::new(scenario.arguments.clone(), format!("{} is out of range", e.field))
+                .found(e.found.to_string())
+                .expected(e.expected.clone())
+                .next("choose other values")
         })?;
         let mode = match setup.of {
             Loop::Position => 3,
@@ -265,11 +264,8 @@ impl Run {
 }
 
 fn ended(place: &str, found: String) -> BadInput {
-    BadInput {
-        place: place.to_owned(),
-        problem: "the motor stopped following the excitation".to_owned(),
-        found,
-        expected: "a motion within the joint, without stalls and faults".to_owned(),
-        next: "choose another --amplitude".to_owned(),
-    }
+    BadInput::new(place, "the motor stopped following the excitation")
+        .found(found)
+        .expected("a motion within the joint, without stalls and faults")
+        .next("choose another --amplitude")
 }

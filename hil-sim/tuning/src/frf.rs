@@ -101,14 +101,13 @@ impl Columns {
             let at = table.need(&[header], &format!("a column for {name}, as --columns has it"))?;
             let parsed = Name::parse(name).filter(|_| NAMES.contains(&name.as_str()));
             let Some(parsed) = parsed else {
-                return Err(BadInput {
-                    place: "--columns".to_owned(),
-                    problem: "names no part of a response".to_owned(),
-                    found: shorten(name),
-                    expected: NAMES.join(", "),
-                    next: did_you_mean(name, NAMES.into_iter())
-                        .unwrap_or_else(|| "use one of those".to_owned()),
-                });
+                return Err(BadInput::new("--columns", "names no part of a response")
+                    .found(shorten(name))
+                    .expected(NAMES.join(", "))
+                    .next(
+                        did_you_mean(name, NAMES.into_iter())
+                            .unwrap_or_else(|| "use one of those".to_owned()),
+                    ));
             };
             names.retain(|(other, of)| *other != at && of.role != parsed.role);
             names.push((at, parsed));

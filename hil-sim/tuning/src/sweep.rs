@@ -216,12 +216,11 @@ impl Sweep {
         }
         scenario.override_figures(&figures)?;
         let options = Options { seed: of.seed, model: self.model, trace: false };
-        run(&scenario, &options).map_err(|e| BadInput {
-            place: self.entries[of.entry].name.clone(),
-            problem: format!("{} is out of range", e.field),
-            found: e.found.to_string(),
-            expected: e.expected,
-            next: "narrow the parameters".to_owned(),
+        run(&scenario, &options).map_err(|e| {
+            BadInput::new(self.entries[of.entry].name.clone(), format!("{} is out of range", e.field))
+                .found(e.found.to_string())
+                .expected(e.expected)
+                .next("narrow the parameters")
         })
     }
 

@@ -84,45 +84,33 @@ impl Tuned {
     pub fn parse(place: &str, text: &str) -> Result<Self, BadInput> {
         let value = json(place, text, "give a file of `hil-sim export`")?;
         if value.get("format").is_none() && value.get("reproduce").is_some() {
-            return Err(BadInput {
-                place: place.to_owned(),
-                problem: "is a result of `hil-sim tune`, not an export of it".to_owned(),
-                found: "no key \"format\"".to_owned(),
-                expected: format!("\"format\": {FORMAT}"),
-                next: "export it: hil-sim export DIR --to tuned.json, with DIR the folder of --out"
-                    .to_owned(),
-            });
+            return Err(BadInput::new(place, "is a result of `hil-sim tune`, not an export of it")
+                .found("no key \"format\"")
+                .expected(format!("\"format\": {FORMAT}"))
+                .next("export it: hil-sim export DIR --to tuned.json, with DIR the folder of --out"));
         }
         if value.get("format") != Some(&Value::from(FORMAT)) {
             let found =
                 value.get("format").map_or_else(|| "none".to_owned(), |f| input::shorten(&f.to_string()));
-            return Err(BadInput {
-                place: place.to_owned(),
-                problem: "has another format".to_owned(),
-                found: format!("format {found}"),
-                expected: format!("\"format\": {FORMAT}"),
-                next: "export it again with this version's `hil-sim export`".to_owned(),
-            });
+            return Err(BadInput::new(place, "has another format")
+                .found(format!("format {found}"))
+                .expected(format!("\"format\": {FORMAT}"))
+                .next("export it again with this version's `hil-sim export`"));
         }
         // From the text: its errors have lines.
-        let tuned: Self = serde_json::from_str(text).map_err(|error| BadInput {
-            place: format!("{place}:{}", error.line()),
-            problem: "has another form".to_owned(),
-            found: input::shorten(&error.to_string()),
-            expected: "the keys of `hil-sim export` (docs/tuning.md)".to_owned(),
-            next: "export it again".to_owned(),
+        let tuned: Self = serde_json::from_str(text).map_err(|error| {
+            BadInput::new(format!("{place}:{}", error.line()), "has another form")
+                .found(input::shorten(&error.to_string()))
+                .expected("the keys of `hil-sim export` (docs/tuning.md)")
+                .next("export it again")
         })?;
         tuned.check(place)?;
         Ok(tuned)
     }
 
     fn check(&self, place: &str) -> Result<(), BadInput> {
-        let bad = |problem: String, found: String, expected: &str, next: &str| BadInput {
-            place: place.to_owned(),
-            problem,
-            found,
-            expected: expected.to_owned(),
-            next: next.to_owned(),
+        let bad = |problem: String, found: String, expected: &str, next: &str| {
+            BadInput::new(place, problem).found(found).expected(expected).next(next)
         };
         if self.motors.is_empty() {
             return Err(bad(
@@ -172,12 +160,11 @@ impl Tuned {
     /// No JSON, no result of `tune`, or one that did not pass its validation: the motor, the limit and the plant's seed.
     pub fn of_result(place: &str, text: &str) -> Result<Self, BadInput> {
         let value = json(place, text, "give the folder of `hil-sim tune --out`")?;
-        let result: Outcome = serde_json::from_value(value).map_err(|error| BadInput {
-            place: place.to_owned(),
-            problem: "is no result of `hil-sim tune`".to_owned(),
-            found: input::shorten(&error.to_string()),
-            expected: "the keys of docs/tune.md".to_owned(),
-            next: "tune again with --out".to_owned(),
+        let result: Outcome = serde_json::from_value(value).map_err(|error| {
+            BadInput::new(place, "is no result of `hil-sim tune`")
+                .found(input::shorten(&error.to_string()))
+                .expected("the keys of docs/tune.md")
+                .next("tune again with --out")
         })?;
         let mut motors = Vec::new();
         for of in result.motors {
@@ -215,12 +202,11 @@ impl Tuned {
 impl Motor {
     fn check(&self, place: &str) -> Result<(), BadInput> {
         let motor = &self.motor;
-        let bad = |problem: String, error: &PropertyError, next: String| BadInput {
-            place: place.to_owned(),
-            problem: format!("{motor}: {problem}"),
-            found: input::shorten(&error.found()),
-            expected: error.expected(),
-            next,
+        let bad = |problem: String, error: &PropertyError, next: String| {
+            BadInput::new(place, format!("{motor}: {problem}"))
+                .found(input::shorten(&error.found()))
+                .expected(error.expected())
+                .next(next)
         };
         if self.properties.is_empty() {
             let error = PropertyError::Unknown { name: String::new() };
@@ -249,12 +235,14 @@ impl Motor {
 }
 
 fn json(place: &str, text: &str, next: &str) -> Result<Value, BadInput> {
-    serde_json::from_str(text).map_err(|error| BadInput {
-        place: format!("{place}:{}", error.line()),
-        problem: if error.is_eof() { "ends too early" } else { "is no JSON" }.to_owned(),
-        found: input::shorten(&error.to_string()),
-        expected: "one whole JSON object".to_owned(),
-        next: next.to_owned(),
+    serde_json::from_str(text).map_err(|error| {
+        BadInput::new(
+            format!("{place}:{}", error.line()),
+            if error.is_eof() { "ends too early" } else { "is no JSON" }.to_owned(),
+        )
+        .found(input::shorten(&error.to_string()))
+        .expected("one whole JSON object")
+        .next(next)
     })
 }
 
@@ -301,14 +289,10 @@ impl OfMotor {
             }
             [] => "a limit broken on a plant of the search".to_owned(),
         };
-        BadInput {
-            place: place.to_owned(),
-            problem: format!("{} did not pass its validation", input::shorten(motor)),
-            found,
-            expected: format!("no broken limit on {plants} unseen plants"),
-            next: "tune again with a longer --budget or more plants (--robust), or ask less of the motor"
-                .to_owned(),
-        }
+        BadInput::new(place, format!("{} did not pass its validation", input::shorten(motor)))
+            .found(found)
+            .expected(format!("no broken limit on {plants} unseen plants"))
+            .next("tune again with a longer --budget or more plants (--robust), or ask less of the motor")
     }
 }
 

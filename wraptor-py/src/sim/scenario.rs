@@ -111,13 +111,10 @@ pub fn model(name: &str) -> PyResult<Model> {
 
 /// A parameter out of range that a scenario's check let pass.
 pub fn out_of_range(place: &str, error: hil_world::plant::ParamError) -> BadInput {
-    BadInput {
-        place: place.to_owned(),
-        problem: format!("{} is out of range", error.field),
-        found: error.found.to_string(),
-        expected: error.expected,
-        next: "give other figures".to_owned(),
-    }
+    BadInput::new(place, format!("{} is out of range", error.field))
+        .found(error.found.to_string())
+        .expected(error.expected)
+        .next("give other figures")
 }
 
 /// Names of the shipped scenarios.

@@ -238,12 +238,11 @@ impl Scenario {
         option: &str,
         assignment: &'a str,
     ) -> Result<(&'static Figure, &'a str), BadInput> {
-        let bad = |problem: &str, found: &str, expected: &str, next: String| BadInput {
-            place: format!("--{option} {}", input::shorten(assignment)),
-            problem: problem.to_owned(),
-            found: input::shorten(found),
-            expected: expected.to_owned(),
-            next,
+        let bad = |problem: &str, found: &str, expected: &str, next: String| {
+            BadInput::new(format!("--{option} {}", input::shorten(assignment)), problem)
+                .found(input::shorten(found))
+                .expected(expected)
+                .next(next)
         };
         let form =
             || format!("give --{option} NAME=VALUE or NAME=1.3x; `hil-sim list --plant` names the figures");
@@ -296,29 +295,23 @@ fn out_of_range(e: &ParamError, given: &[(&'static Figure, &str)]) -> BadInput {
     let is_own = |figure: &Figure| figure.name == e.field || (figure.option, e.field) == ("supply", "bus_v");
     let own = given.iter().rev().find(|(figure, _)| is_own(figure));
     let Some((figure, assignment)) = own.or(given.last()) else {
-        return BadInput {
-            place: "the scenario".to_owned(),
-            problem: format!("{} is out of range", e.field),
-            found: e.found.to_string(),
-            expected: e.expected.clone(),
-            next: "correct it".to_owned(),
-        };
+        return BadInput::new("the scenario", format!("{} is out of range", e.field))
+            .found(e.found.to_string())
+            .expected(e.expected.clone())
+            .next("correct it");
     };
     let found = format!("{} is {}, with {assignment}", e.field, e.found);
-    BadInput {
-        place: format!("--{} {}", figure.option, input::shorten(assignment)),
-        problem: "out of range".to_owned(),
-        found: if own.is_some() {
+    BadInput::new(format!("--{} {}", figure.option, input::shorten(assignment)), "out of range")
+        .found(if own.is_some() {
             input::shorten(assignment.split('=').next_back().unwrap_or(assignment).trim())
         } else {
             found
-        },
-        expected: format!("{} of {}", e.field, e.expected),
-        next: match own {
+        })
+        .expected(format!("{} of {}", e.field, e.expected))
+        .next(match own {
             Some(_) => "give a value in this range".to_owned(),
             None => format!("give a value that leaves {} in this range, or override that as well", e.field),
-        },
-    }
+        })
 }
 
 #[cfg(test)]

@@ -38,15 +38,14 @@ impl Scenario {
             return Ok((shipped.file.to_owned(), shipped.text.to_owned()));
         }
         let path = Path::new(name);
-        let io_error = |problem: &str, found: String| BadInput {
-            place: name.to_owned(),
-            problem: problem.to_owned(),
-            found,
-            expected: "the name of a shipped scenario, or a TOML file".to_owned(),
-            next: match input::did_you_mean(name, SHIPPED.iter().map(|shipped| shipped.name)) {
-                Some(question) => format!("{question} `hil-sim list` names all that are shipped"),
-                None => "`hil-sim list` names those shipped; check the path of a file".to_owned(),
-            },
+        let io_error = |problem: &str, found: String| {
+            BadInput::new(name, problem)
+                .found(found)
+                .expected("the name of a shipped scenario, or a TOML file")
+                .next(match input::did_you_mean(name, SHIPPED.iter().map(|shipped| shipped.name)) {
+                    Some(question) => format!("{question} `hil-sim list` names all that are shipped"),
+                    None => "`hil-sim list` names those shipped; check the path of a file".to_owned(),
+                })
         };
         let meta = path
             .metadata()
@@ -78,12 +77,11 @@ impl Scenario {
     /// # Errors
     /// Another form, an unknown property, or a value out of range.
     pub fn set(&mut self, assignment: &str) -> Result<(), BadInput> {
-        let bad = |problem: &str, found: &str, expected: String| BadInput {
-            place: format!("--set {}", input::shorten(assignment)),
-            problem: problem.to_owned(),
-            found: input::shorten(found),
-            expected,
-            next: "give --set PROPERTY=VALUE, for example --set KP=120".to_owned(),
+        let bad = |problem: &str, found: &str, expected: String| {
+            BadInput::new(format!("--set {}", input::shorten(assignment)), problem)
+                .found(input::shorten(found))
+                .expected(expected)
+                .next("give --set PROPERTY=VALUE, for example --set KP=120")
         };
         let Some((name, value)) = assignment.split_once('=') else {
             return Err(bad("no = in it", assignment, "PROPERTY=VALUE".to_owned()));

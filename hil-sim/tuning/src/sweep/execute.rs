@@ -103,13 +103,10 @@ fn line(sweep: &Sweep, index: u64, commit: &str) -> String {
     let outcome = catch_unwind(AssertUnwindSafe(|| sweep.simulate(&run)));
     // A defect of the simulator costs one run, not all others.
     let outcome = outcome.unwrap_or_else(|_| {
-        Err(BadInput {
-            place: "simulator".to_owned(),
-            problem: "it panicked".to_owned(),
-            found: format!("run {index}"),
-            expected: "a result".to_owned(),
-            next: "report it".to_owned(),
-        })
+        Err(BadInput::new("simulator", "it panicked")
+            .found(format!("run {index}"))
+            .expected("a result")
+            .next("report it"))
     });
     sweep.csv_line(&run, &outcome, commit)
 }
