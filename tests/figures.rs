@@ -11,6 +11,7 @@ use hil_experiment::scenario::Scenario;
 use hil_torture::kinds::ROWS;
 use hil_world::plant::Model;
 use serde_json::Value;
+use tater_wire::MotorKind;
 
 use crate::fences::root;
 
@@ -260,6 +261,20 @@ fn readme_has_the_times_of_full_travel() {
         "README.md",
         "| link and tip, full travel at ACCEL {} | {} ms and {} ms (manual: {} s and {} s) |",
         &[Near(60.0), Near(ms("link-fast")), Near(ms("tip-fast")), Near(0.72), Near(1.0)],
+    );
+}
+
+#[test]
+fn readme_has_the_degrees_of_a_hall_count() {
+    let degrees = |kind: MotorKind| {
+        let turn = 360.0 / MotorKind::COUNTS_PER_TURN as f64;
+        Near(turn * 100.0 / kind.gear_hundredths() as f64)
+    };
+    let [link, tip, spread] = [MotorKind::Link, MotorKind::Tip, MotorKind::Spread].map(degrees);
+    claim(
+        "README.md",
+        "A hall count is {}° of a finger's link, {}° of its tip and {}° of the spread; a revolution of the motor has {}.",
+        &[link, tip, spread, Near(MotorKind::COUNTS_PER_TURN as f64)],
     );
 }
 

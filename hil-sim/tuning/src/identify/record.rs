@@ -453,12 +453,12 @@ mod tests {
         let row = |ms: usize| format!("{ms},2,24.0,0.1,20.0,1,200");
         let still: Vec<String> = std::iter::once(HEADER.to_owned()).chain((0..300).map(row)).collect();
         for (lines, place, problem) in [
-            (with(0, "time_ms,halls_code,bus_v,bus_a,duty_percent"), "t.csv:1", "no column bridge_on"),
+            (with(0, &HEADER.replace("bridge_on", "bridge")), "t.csv:1", "no column bridge_on"),
             (with(3, "2,2,NaN,0.1,20.0,1,200"), "t.csv:4", "bus_v: no number"),
             (with(3, "2,2,,0.1,20.0,1,200"), "t.csv:4", "bus_v: an empty cell"),
             (with(3, "2,2,24.0,0.1,20.0,2,200"), "t.csv:4", "bridge_on: neither"),
             (with(3, "2,2,24.0,0.1,20.0,1,"), "t.csv:4", "torque_per_1024: an empty cell"),
-            (with(0, &HEADER.replace(",torque_per_1024", "")), "t.csv:1", "no column torque_per_1024"),
+            (with(0, &HEADER.replace("torque_per_1024", "torque")), "t.csv:1", "no column torque_per_1024"),
             (without_current, "t.csv", "bus_a never changes"),
             (too_hot, "t.csv:2", "thermistor_c: out of range"),
             (with(3, "2,2,24.0,0.1"), "t.csv:4", "4 columns"),
