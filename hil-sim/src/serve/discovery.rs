@@ -145,7 +145,9 @@ pub fn answer_questions(address: Option<&str>, gcl: &str) -> Result<Option<Strin
 #[cfg(unix)]
 fn bind_shared(address: SocketAddrV4) -> io::Result<UdpSocket> {
     use rustix::net::{AddressFamily, SocketFlags, SocketType, bind, socket_with, sockopt};
-    let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
+    let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::empty(), None)?;
+    // Not in the call: macOS has no such flag there.
+    rustix::io::fcntl_setfd(&socket, rustix::io::FdFlags::CLOEXEC)?;
     sockopt::set_socket_reuseaddr(&socket, true)?;
     bind(&socket, &address)?;
     Ok(socket.into())

@@ -36,7 +36,9 @@ mod unix {
             let next = "use --listen";
             bad("--pty".to_owned(), &error.to_string(), "a pseudo-terminal of the system", next)
         };
-        let owner = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).map_err(failed)?;
+        let owner = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).map_err(failed)?;
+        // Not in the call: macOS has no such flag there.
+        rustix::io::fcntl_setfd(&owner, rustix::io::FdFlags::CLOEXEC).map_err(failed)?;
         grantpt(&owner).and_then(|()| unlockpt(&owner)).map_err(failed)?;
         let path = ptsname(&owner, Vec::new()).map_err(failed)?.to_string_lossy().into_owned();
         // Raw mode before a host opens it: no echo, no line editing.

@@ -401,7 +401,7 @@ impl Walk<'_, '_> {
         let distances: Vec<u16> = if wide {
             bytes.as_chunks().0.iter().map(|&pair| u16::from_le_bytes(pair)).collect()
         } else {
-            bytes.iter().map(|&byte| byte.into()).collect()
+            bytes.iter().map(|&byte| u16::from(byte)).collect()
         };
         let targets: BTreeSet<u32> = distances
             .iter()
