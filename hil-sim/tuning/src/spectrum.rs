@@ -47,7 +47,7 @@ pub fn step(times: &[f64]) -> f64 {
 /// Steps without a row from which there is nothing to read in between. A board over USB answers in 5 ms, and waits 50 ms for a busy host.
 const MOST_STEPS: f64 = 20.0;
 
-/// The first time that is not above the one before, or comes more than [`MOST_STEPS`] after it.
+/// The first time that is not above the one before, or comes more than twenty steps after it.
 #[must_use]
 pub fn unreadable(times: &[f64]) -> Option<usize> {
     let most = MOST_STEPS * step(times);
