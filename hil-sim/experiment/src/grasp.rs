@@ -1,7 +1,7 @@
 //! Files with the objects between a hand's fingers, as TOML:
 //!
 //! ```
-//! let scene = hil_sim::grasp::parse("ball.toml", r#"
+//! let scene = hil_experiment::grasp::parse("ball.toml", r#"
 //!     [hand]                     # optional, as is each key: the fields of `kinematics::Hand`
 //!     link_mm = 70
 //!

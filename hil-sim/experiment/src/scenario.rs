@@ -4,7 +4,7 @@
 //! first keys is optional:
 //!
 //! ```
-//! let scenario = hil_sim::scenario::Scenario::parse("push.toml", r#"
+//! let scenario = hil_experiment::scenario::Scenario::parse("push.toml", r#"
 //!     name = "push"
 //!     about = "A link closes on something soft while the supply sags."
 //!     motor = "link"                   # or "spread", "tip", or a list of them, run one after another
