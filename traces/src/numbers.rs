@@ -1,7 +1,6 @@
 //! A table in memory as numbers by column, for those that reckon with it, whatever its file's format. Its errors name the place in the file.
 
 use super::input::{BadInput, did_you_mean, shorten};
-use super::names::TIME;
 use super::table::{Cell, Source, TableError};
 
 /// A table as numbers.
@@ -23,9 +22,6 @@ struct Column {
     /// The first cell that has something else: its row and what it says.
     odd: Option<(usize, String)>,
 }
-
-/// Times from this one on are those of a clock (seconds since 1970 have as many), so that the first becomes 0.
-const CLOCK: f64 = 1e9;
 
 impl Numbers {
     /// Reads all rows of the file `place`.
@@ -66,9 +62,7 @@ impl Numbers {
         self.lines.push(line);
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             column.values.push(match cell {
-                Cell::Float(value) => *value,
-                Cell::Int(value) => *value as f64,
-                Cell::Absent => f64::NAN,
+                Cell::Float(_) | Cell::Int(_) | Cell::Absent => cell.number().unwrap_or(f64::NAN),
                 Cell::Text(text) => match text.parse::<f64>() {
                     Ok(value) if value.is_finite() => value,
                     _ => {
@@ -161,24 +155,6 @@ impl Numbers {
     /// None is there.
     pub fn number(&self, row: usize, column: usize) -> Result<f64, BadInput> {
         self.maybe(row, column)?.ok_or_else(|| self.bad(row, column, "an empty cell", "a number"))
-    }
-
-    /// Time of each row, ms: of the column `time_ms`, `time_s`, `t_ms` or `t_s`. A clock's times begin with 0.
-    ///
-    /// # Errors
-    /// No such column, or a time that is not above the one before.
-    pub fn times_ms(&self) -> Result<Vec<f64>, BadInput> {
-        let column = self.need(&[TIME, "time_s", "t_ms", "t_s"], "time_ms or time_s")?;
-        let scale = if self.name(column).to_ascii_lowercase().ends_with("_ms") { 1.0 } else { 1000.0 };
-        let mut times: Vec<f64> =
-            (0..self.len()).map(|row| self.number(row, column)).collect::<Result<_, _>>()?;
-        if let Some(row) = (1..times.len()).find(|row| times[*row] <= times[row - 1]) {
-            let expected = "times in rising order, each once, of one motor";
-            return Err(self.bad(row, column, "a time that is not above the one before", expected));
-        }
-        let start = times.first().copied().filter(|first| *first >= CLOCK).unwrap_or(0.0);
-        times.iter_mut().for_each(|time| *time = (*time - start) * scale);
-        Ok(times)
     }
 
     /// An error at a cell.

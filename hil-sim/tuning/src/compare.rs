@@ -101,11 +101,7 @@ pub fn tracks(source: &dyn Source) -> Result<Vec<Track>, TableError> {
         });
         let Some(track) = tracks.get_mut(at) else { return Ok(()) };
         for ((_, values), cell) in track.columns.iter_mut().zip(row) {
-            values.push(match cell {
-                Cell::Float(value) => *value,
-                Cell::Int(value) => *value as f64,
-                Cell::Absent | Cell::Text(_) => f64::NAN,
-            });
+            values.push(cell.number().unwrap_or(f64::NAN));
         }
         Ok(())
     })?;

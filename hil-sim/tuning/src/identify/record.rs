@@ -1,5 +1,6 @@
 //! A recorded move: the columns of a trace that a board can report over the bus. Columns of the simulator's truth are never read.
 
+use hil_experiment::run::node_of;
 use hil_world::rig::halls::CODES;
 use tater_wire::MotorKind;
 use traces::input::BadInput;
@@ -67,15 +68,6 @@ pub struct Recording {
 }
 
 const NEXT: &str = "record the move again, with `hil-sim excite` or `hil-sim run --out`";
-
-/// Number of a motor's first node, as the column `motor` has it.
-const fn node_of(motor: MotorKind) -> f64 {
-    match motor {
-        MotorKind::Link => 1.0,
-        MotorKind::Spread => 4.0,
-        MotorKind::Tip => 5.0,
-    }
-}
 
 const MOTORS: [MotorKind; 3] = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
 
@@ -163,9 +155,9 @@ impl<'a> Columns<'a> {
     ) -> Result<Option<Option<MotorKind>>, BadInput> {
         let Some(column) = self.motor else { return Ok(Some(motor)) };
         let node = self.of.number(row, column)?;
-        let kind = motor.or(MOTORS.into_iter().find(|kind| node_of(*kind) == node));
+        let kind = motor.or(MOTORS.into_iter().find(|kind| f64::from(node_of(*kind)) == node));
         match motor {
-            Some(motor) if node_of(motor) != node => Ok(None),
+            Some(motor) if f64::from(node_of(motor)) != node => Ok(None),
             None if *only.get_or_insert(node) != node => {
                 let expected = "one motor: choose it with --motor link, --motor spread or --motor tip";
                 Err(self.of.bad(row, column, "the trace has several motors", expected))
