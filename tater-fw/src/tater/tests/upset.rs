@@ -103,6 +103,8 @@ fn check(bench: &mut Bench) {
 fn check_all_reads(bench: &mut Bench) {
     bench.board().room = usize::MAX;
     bench.tater.flush();
+    // A frame may have set HOSTUNITS 280: OTEMP then reads 70, for 70 °C, which is no value of the row.
+    bench.set(Property::HOSTUNITS, 0).expect("never refused");
     for row in ROWS {
         let Some(value) = bench.get(row.property) else { continue };
         let fits = match row.property {
