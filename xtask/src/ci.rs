@@ -140,7 +140,9 @@ fn clippy_all() -> Outcome {
 
 /// Tests inside the crates, which start no server and need no image.
 fn unit_tests() -> Outcome {
-    let text = output(program(&format!("cargo test --quiet {WITHOUT_PYTHON} --lib --bins")))?;
+    let mut tests = program(&format!("cargo test --quiet {WITHOUT_PYTHON} --lib --bins"));
+    tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string());
+    let text = output(tests)?;
     let passed: u64 = text.lines().filter_map(passed).sum();
     println!("  {passed} tests passed");
     Ok(())
