@@ -243,9 +243,9 @@ fn split(text: &str, notes: &mut Vec<String>) -> (Vec<(String, String)>, String,
             kept.truncate(last);
             lines.pop();
         } else {
+            let last = unix.lines().count();
             notes.push(format!(
-                "line {} has no line end: if the file is cut off, its last number is another one",
-                lines.len()
+                "line {last} has no line end: if the file is cut off, its last number is another one"
             ));
         }
     }
@@ -340,7 +340,8 @@ mod tests {
             ("time_ms,bus_v\r0,24.5\r1,-0.125\r", ""),
             ("\"time_ms\",\"bus_v\"\n\"0\",\"24.5\"\n1,-0.125\n", ""),
             ("# Made by hand\n\n  time_ms , bus_v \n0,  24.5\n#\n\n1 ,-0.125\n\n   \n", ""),
-            ("time_ms,bus_v\n0,24.5\n1,-0.125", "no line end"),
+            ("time_ms,bus_v\n0,24.5\n1,-0.125", "line 3 has no line end"),
+            ("# a bench\n\ntime_ms,bus_v\n0,24.5\n1,-0.125", "line 5 has no line end"),
             ("time_ms;bus_v\n0;24.5\n1;-0.125\n", "';'"),
             ("time_ms\tbus_v\n0\t24.5\n1\t-0.125\n", "tabs"),
             ("time_ms;bus_v\n0;24,5\n1;-0,125\n", "decimal commas"),
