@@ -42,11 +42,7 @@ struct Bench {
 
 impl Bench {
     fn new(kind: MotorKind, plant: &PlantParams, from_count: f64, objects: &[Object]) -> Self {
-        let number = match kind {
-            MotorKind::Link => 1,
-            MotorKind::Spread => 4,
-            MotorKind::Tip => 5,
-        };
+        let number = kind.first_node();
         let id = Id::new(number).expect("a node");
         let heat = Heat { winding_c: plant.ambient_c, housing_c: plant.ambient_c };
         let start = Start { count: from_count.round(), counts_per_s: 0.0, heat };

@@ -2,7 +2,6 @@
 
 use crate::effort::seeds;
 use commission::excite::{Link, csv, excite};
-use hil_experiment::run::node_of;
 use hil_sim::simulated::Simulated;
 use hil_tuning::identify::{Estimate, Recording, WORKING_SPEED, identify};
 use hil_world::board::SimBoard;
@@ -41,7 +40,7 @@ fn board(kind: MotorKind, seed: u64) -> (tater_wire::Node, PlantParams, Node) {
     let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
     let start = Start { count: 60.0, counts_per_s: 0.0, heat };
     let rig = Rig::new(plant.clone(), rig, &[], Model::Averaged, start, seed).expect("in range");
-    let node = tater_wire::Node::new(node_of(kind)).expect("a node");
+    let node = tater_wire::Node::new(kind.first_node()).expect("a node");
     (node, plant, Node::awake(SimBoard::new(rig, node)))
 }
 

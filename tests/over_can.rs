@@ -2,7 +2,7 @@
 
 use hil_experiment::metrics::{Metrics, Value, find};
 use hil_experiment::over_can::{BoardResult, Job, OverCan, POLL_MS, gap, judge, parked};
-use hil_experiment::run::{Options, node_of, rig, run};
+use hil_experiment::run::{Options, rig, run};
 use hil_experiment::scenario::{Case, SHIPPED, Scenario};
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
@@ -25,7 +25,7 @@ pub(super) fn native_at(
     (seed, phase_us): (u64, u64),
     turned: bool,
 ) -> BoardResult {
-    let node = Id::new(node_of(case.motor)).expect("a node");
+    let node = Id::new(case.motor.first_node()).expect("a node");
     let options = Options { seed, ..OPTIONS };
     let at_first = parked(scenario, case, &options).expect("the scenario's reader has checked it");
     let rig = rig(scenario, case, &options).expect("the same");

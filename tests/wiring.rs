@@ -55,11 +55,7 @@ const fn is_odd(order: [u8; 3]) -> bool {
 
 impl Case {
     fn number(&self) -> u8 {
-        match self.kind {
-            MotorKind::Link => 1,
-            MotorKind::Spread => 4,
-            MotorKind::Tip => 5,
-        }
+        self.kind.first_node()
     }
 
     fn rig(&self, at: f64) -> Rig {

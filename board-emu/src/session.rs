@@ -2,7 +2,7 @@
 
 use hil_experiment::over_can::{BoardResult, Job, OverCan, case_of, parked};
 use hil_experiment::properties;
-use hil_experiment::run::{Options, node_of, rig};
+use hil_experiment::run::{Options, rig};
 use hil_experiment::scenario::{Case, Initial, Scenario};
 use hil_world::plant::PlantParams;
 use tater_wire::MotorKind;
@@ -61,7 +61,7 @@ pub struct Session {
 /// # Errors
 /// Fewer boards than motors in the scenario, or none.
 pub fn buses(scenario: &Scenario, nodes: Nodes) -> Result<Vec<Vec<u8>>, String> {
-    let named: Vec<u8> = scenario.cases.iter().map(|case| node_of(case.motor)).collect();
+    let named: Vec<u8> = scenario.cases.iter().map(|case| case.motor.first_node()).collect();
     match nodes {
         Nodes::Count(1) => Ok(named.into_iter().map(|node| vec![node]).collect()),
         Nodes::Count(count) if usize::from(count) < named.len() => Err(format!(

@@ -154,11 +154,7 @@ pub struct Recorded {
 /// A recording as CSV: the columns of a trace that a board gives over the bus.
 #[must_use]
 pub fn csv(recorded: &Recorded) -> String {
-    let motor = match recorded.motor {
-        MotorKind::Link => 1,
-        MotorKind::Spread => 4,
-        MotorKind::Tip => 5,
-    };
+    let motor = recorded.motor.first_node();
     let mut text = "time_ms,motor,mode,position_estimated_counts,torque_per_1024,duty_percent,bus_v,bus_a,halls_code,thermistor_c,bridge_on\n".to_owned();
     for row in &recorded.rows {
         let duty = row.duty_percent.map_or_else(String::new, |duty| format!("{duty:.3}"));

@@ -12,7 +12,6 @@ use super::identify::MotorName;
 use super::margins;
 use super::open;
 use super::output::{print, warn, write_folder};
-use hil_experiment::run::node_of;
 use hil_tuning::bode::{Loop, Setup, measure, page, scenario};
 use hil_tuning::response::{FEWEST, Margins, Point, Response};
 use hil_tuning::spectrum;
@@ -297,7 +296,7 @@ fn column(table: &Numbers, name: &str) -> Result<usize, BadInput> {
 /// The rows of a recording that count: those of one motor with a number in each of the needed columns.
 fn rows(args: &BodeArgs, table: &Numbers, needed: &[usize]) -> Result<Vec<usize>, BadInput> {
     let motor = table.find(&[MOTOR]);
-    let node = args.motor.map(|motor| f64::from(node_of(motor.kind())));
+    let node = args.motor.map(|motor| f64::from(motor.kind().first_node()));
     let (mut rows, mut only, mut empty) = (Vec::new(), node, 0);
     for row in 0..table.len() {
         if let Some(column) = motor {

@@ -14,7 +14,6 @@ use super::interrupt;
 use super::output::{check_file, print, warn};
 use super::simulated::Simulated;
 use commission::excite::{Failure, Link, csv, excite as run};
-use hil_experiment::run::node_of;
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
 use traces::format::Format;
@@ -53,7 +52,7 @@ pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, B
     let motor = args.motor.unwrap_or(MotorName::Link);
     let (mut link, node): (Box<dyn Link>, Id) = match args.node {
         Some(node) => (open(args.slcan.as_deref(), args.can.as_deref(), clock)?, id(Some(node))),
-        None => (Box::new(simulated(args, motor)?), id(Some(node_of(motor.kind())))),
+        None => (Box::new(simulated(args, motor)?), id(Some(motor.kind().first_node()))),
     };
     let done = run(link.as_mut(), node, &mut |step| warn(&format!("node {}: {step}", node.number())));
     let recorded = match done {
@@ -72,5 +71,5 @@ fn id(node: Option<u8>) -> Id {
 
 fn simulated(args: &ExciteArgs, motor: MotorName) -> Result<Simulated, BadInput> {
     let rig = args.figures.motor(motor.kind(), 60.0, args.seed)?;
-    Ok(Simulated::new(Node::awake(SimBoard::new(rig, id(Some(node_of(motor.kind())))))))
+    Ok(Simulated::new(Node::awake(SimBoard::new(rig, id(Some(motor.kind().first_node()))))))
 }

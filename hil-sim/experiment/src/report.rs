@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::metrics::{METRICS, Value, end_word, fault_word};
 use crate::properties::PROPERTIES;
-use crate::run::{Options, Outcome, node_of};
+use crate::run::{Options, Outcome};
 use crate::scenario::Scenario;
 use hil_world::plant::Model;
 
@@ -68,7 +68,7 @@ pub fn stored(scenario: &Scenario, outcome: &Outcome, commit: &str) -> serde_jso
             METRICS.iter().map(|metric| (metric.name.to_owned(), json_value(&(metric.get)(&run.metrics))));
         serde_json::json!({
             "motor": case.motor.name(),
-            "node": node_of(case.motor),
+            "node": case.motor.first_node(),
             "properties": properties.collect::<serde_json::Map<_, _>>(),
             "metrics": metrics.collect::<serde_json::Map<_, _>>(),
         })

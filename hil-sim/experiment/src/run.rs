@@ -111,23 +111,13 @@ pub(crate) fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Opt
     })
 }
 
-/// The node of the first motor of a kind: a finger's link, the spread, a finger's tip.
-#[must_use]
-pub const fn node_of(motor: MotorKind) -> u8 {
-    match motor {
-        MotorKind::Link => 1,
-        MotorKind::Spread => 4,
-        MotorKind::Tip => 5,
-    }
-}
-
 /// The board of one motor at the start of a scenario: awake, position and properties set over the bus.
 ///
 /// # Errors
 /// A plant parameter out of range; [`Scenario::parse`] rejects those.
 pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node, ParamError> {
     let rig = rig(scenario, case, options)?;
-    let straps = tater_wire::Node::new(node_of(case.motor)).unwrap_or(tater_wire::Node::HOST);
+    let straps = tater_wire::Node::new(case.motor.first_node()).unwrap_or(tater_wire::Node::HOST);
     let count = rig.truth().counts.round() as i32;
     let mut node = Node::awake(SimBoard::new(rig, straps));
     // A scenario begins in the middle of use, unless it is about the wiring.

@@ -111,11 +111,7 @@ pub fn write_csv(out: &mut impl Write, traces: &[Trace]) -> io::Result<()> {
     }
     writeln!(out)?;
     for trace in traces {
-        let motor = match trace.motor {
-            MotorKind::Link => 1,
-            MotorKind::Spread => 4,
-            MotorKind::Tip => 5,
-        };
+        let motor = trace.motor.first_node();
         for row in trace.rows() {
             for (index, (value, column)) in row.iter().zip(COLUMNS).enumerate() {
                 let comma = if index == 0 { "" } else { "," };

@@ -90,6 +90,16 @@ impl MotorKind {
         }
     }
 
+    /// The number of the first node with such a motor: that of finger 1, or the spread's.
+    #[must_use]
+    pub const fn first_node(self) -> u8 {
+        match self {
+            Self::Link => 1,
+            Self::Spread => 4,
+            Self::Tip => 5,
+        }
+    }
+
     /// The kind of a value of KIND.
     #[must_use]
     pub const fn from_code(code: i64) -> Option<Self> {

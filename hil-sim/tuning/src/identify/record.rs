@@ -1,6 +1,5 @@
 //! A recorded move: the columns of a trace that a board can report over the bus. Columns of the simulator's truth are never read.
 
-use hil_experiment::run::node_of;
 use hil_world::rig::halls::CODES;
 use tater_wire::MotorKind;
 use traces::input::BadInput;
@@ -155,9 +154,9 @@ impl<'a> Columns<'a> {
     ) -> Result<Option<Option<MotorKind>>, BadInput> {
         let Some(column) = self.motor else { return Ok(Some(motor)) };
         let node = self.of.number(row, column)?;
-        let kind = motor.or(MOTORS.into_iter().find(|kind| f64::from(node_of(*kind)) == node));
+        let kind = motor.or(MOTORS.into_iter().find(|kind| f64::from(kind.first_node()) == node));
         match motor {
-            Some(motor) if f64::from(node_of(motor)) != node => Ok(None),
+            Some(motor) if f64::from(motor.first_node()) != node => Ok(None),
             None if *only.get_or_insert(node) != node => {
                 let expected = "one motor: choose it with --motor link, --motor spread or --motor tip";
                 Err(self.of.bad(row, column, "the trace has several motors", expected))
@@ -260,7 +259,7 @@ impl Recording {
         if let (true, Some(motor), Some(column)) = (rows.is_empty(), motor, columns.motor)
             && !numbers.is_empty()
         {
-            let expected = format!("motor {} ({}), as --motor has it", node_of(motor), motor.name());
+            let expected = format!("motor {} ({}), as --motor has it", motor.first_node(), motor.name());
             return Err(numbers.bad(0, column, "the trace has no row of this motor", &expected));
         }
         if unwrap.astray as f64 > MOST_SWAPPED * rows.len() as f64 {
