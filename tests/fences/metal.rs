@@ -9,7 +9,7 @@ fn is_bsp(source: &Source) -> bool {
 
 /// The C ABI: what other languages pass is checked in `border.rs`.
 fn is_foreign(source: &Source) -> bool {
-    source.is_in("wraptor-c")
+    source.is_in("wraptor/c")
 }
 
 /// The last line of the previous statement or item, or of the start of the enclosing block.
@@ -26,7 +26,7 @@ fn end_of_previous(tokens: &[Token], at: usize) -> usize {
     0
 }
 
-/// `unsafe` is allowed only in `bsp` and in `wraptor-c`, with a `SAFETY:` comment or `# Safety` section directly above its statement or item.
+/// `unsafe` is allowed only in `bsp` and in `wraptor/c`, with a `SAFETY:` comment or `# Safety` section directly above its statement or item.
 fn unexplained(source: &Source) -> Vec<Violation> {
     let lines: Vec<&str> = source.text.lines().map(str::trim_start).collect();
     scan(source, |tokens, at| {
@@ -35,7 +35,7 @@ fn unexplained(source: &Source) -> Vec<Violation> {
             return None;
         }
         if !is_bsp(source) && !is_foreign(source) {
-            return Some("unsafe: only tater-fw/src/bsp has registers, and wraptor-c foreign callers".into());
+            return Some("unsafe: only tater-fw/src/bsp has registers, and wraptor/c foreign callers".into());
         }
         let above = lines.get(end_of_previous(tokens, at)..token.line - 1).unwrap_or_default();
         let explained = above

@@ -18,10 +18,10 @@ const PACKAGES: [&str; 2] = ["cmake==4.4.5", "ninja==1.13.2"];
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-const HEADER: &str = "wraptor-c/include/wraptor.h";
+const HEADER: &str = "wraptor/c/include/wraptor.h";
 
 /// Where the manual's examples are.
-const SECTION7: &str = "wraptor-c/examples/section7";
+const SECTION7: &str = "wraptor/c/examples/section7";
 
 /// Functions of section 7.
 const FUNCTIONS: usize = 19;
@@ -98,7 +98,7 @@ pub fn check() -> Outcome {
 
 fn header() -> Result<String, String> {
     let mut cbindgen = Command::new(installed("cbindgen", CBINDGEN)?);
-    cbindgen.args(["--quiet", "--config", "wraptor-c/cbindgen.toml", "wraptor-c"]).current_dir(root());
+    cbindgen.args(["--quiet", "--config", "wraptor/c/cbindgen.toml", "wraptor/c"]).current_dir(root());
     output(cbindgen)
 }
 
@@ -107,7 +107,7 @@ fn install(folder: &Path, is_release: bool) -> Outcome {
     let (option, profile) = if is_release { (" --release", "release") } else { ("", "debug") };
     run(program(&format!("cargo build --quiet --package wraptor-c --lib{option}")))?;
     let built = target().join(profile);
-    let (lib, package) = (folder.join("lib"), root().join("wraptor-c/package"));
+    let (lib, package) = (folder.join("lib"), root().join("wraptor/c/package"));
     let shared = format!("libwraptor.so.{VERSION}");
     copy(&built.join("libwraptor_c.so"), &lib.join(&shared))?;
     for link in ["libwraptor.so.0", "libwraptor.so"] {
@@ -117,7 +117,7 @@ fn install(folder: &Path, is_release: bool) -> Outcome {
     }
     copy(&built.join("libwraptor_c.a"), &lib.join("libwraptor.a"))?;
     for name in ["wraptor.h", "wraptor_compat.h"] {
-        copy(&root().join("wraptor-c/include").join(name), &folder.join("include").join(name))?;
+        copy(&root().join("wraptor/c/include").join(name), &folder.join("include").join(name))?;
     }
     for (name, place) in [
         ("wraptor.pc", "pkgconfig"),
@@ -225,7 +225,7 @@ fn run_program(path: &Path, place: (&str, &str), arguments: &[&str], input: Stdi
 /// Measures RealTime from C, after a program that is killed in the middle of its work: the hand takes the next one.
 fn realtime(folder: &Path) -> Outcome {
     let [c, _] = LANGUAGES;
-    let program = compile(folder, c, Path::new("wraptor-c/examples/realtime.c"))?;
+    let program = compile(folder, c, Path::new("wraptor/c/examples/realtime.c"))?;
     let hand = Served::new(REAL)?;
     let mut killed = self::program("timeout --signal=KILL 2");
     let (host, port) = place(&hand)?;
@@ -246,7 +246,7 @@ fn linked_statically(folder: &Path) -> Outcome {
     let mut flags = program("pkg-config --static --cflags --libs wraptor");
     flags.env("PKG_CONFIG_PATH", folder.join("lib/pkgconfig"));
     let (flags, built) = (output(flags)?, folder.join("programs/grasp-static"));
-    let mut compiler = program("gcc -static wraptor-c/examples/cmake/grasp.c");
+    let mut compiler = program("gcc -static wraptor/c/examples/cmake/grasp.c");
     compiler.args(flags.split_whitespace()).arg("-o").arg(&built);
     // glibc warns that names of hosts are looked up by its shared libraries.
     output_of_both(compiler)?;
@@ -259,7 +259,7 @@ fn cmake(folder: &Path) -> Outcome {
     let tool = |name: &str| python.with_file_name(name);
     let build = folder.join("cmake");
     let mut configure = Command::new(tool("cmake"));
-    configure.args(["-S", "wraptor-c/examples/cmake", "-G", "Ninja", "--log-level=ERROR", "-B"]).arg(&build);
+    configure.args(["-S", "wraptor/c/examples/cmake", "-G", "Ninja", "--log-level=ERROR", "-B"]).arg(&build);
     configure.arg(format!("-DCMAKE_MAKE_PROGRAM={}", tool("ninja").display()));
     configure.arg(format!("-DCMAKE_PREFIX_PATH={}", folder.display())).current_dir(root());
     output(configure)?;

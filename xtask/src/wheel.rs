@@ -1,4 +1,4 @@
-//! The Python wheel (wraptor-py), built by maturin from PyPI, and its check: a fresh environment, the documented installation, the tests, the types,
+//! The Python wheel (wraptor/python), built by maturin from PyPI, and its check: a fresh environment, the documented installation, the tests, the types,
 //! the tutorial (docs/python.md) and the speed against Rust.
 
 use std::fs;
@@ -59,7 +59,7 @@ pub fn check() -> Outcome {
         script
             .args(line.split(' '))
             .args(paths)
-            .current_dir(root().join("wraptor-py"))
+            .current_dir(root().join("wraptor/python"))
             .env("HIL_SIM", &simulator)
             .env("EMULATED", address);
         // What the tools cache beside their sources.
@@ -101,7 +101,7 @@ fn build(profile: &str, folder: &Path) -> Result<PathBuf, String> {
         "build",
         "--quiet",
         "--manifest-path",
-        "wraptor-py/Cargo.toml",
+        "wraptor/python/Cargo.toml",
         "--profile",
     ]);
     maturin.arg(profile).arg("--out").arg(folder).current_dir(root());

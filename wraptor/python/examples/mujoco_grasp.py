@@ -1,7 +1,7 @@
 """A grasp in which MuJoCo finds the contacts and the project's boards drive the motors, in lock step at 1 kHz.
 
     pip install wraptor mujoco
-    python wraptor-py/examples/mujoco_grasp.py --picture grasp.svg
+    python wraptor/python/examples/mujoco_grasp.py --picture grasp.svg
 
 Types HI and GC at two simulated hands with a ball between their fingers. The first meets the ball in hil-sim's own world of grasps. The
 second has no world but its joints' stops (`contacts=False`): each millisecond
@@ -38,7 +38,7 @@ except ImportError as missing:
 # Seconds, the motors' hall counts, and which of them press on the ball.
 Trace = list[tuple[float, NDArray[np.float64], list[bool]]]
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 MODEL = ROOT / "kinematics/model/barrettwraptor.xml"
 BALL = ROOT / "hil-sim/grasps/ball.toml"
 

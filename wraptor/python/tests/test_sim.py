@@ -16,7 +16,7 @@ from conftest import Broken
 import wraptor
 from wraptor import sim
 
-GRASPS = Path(__file__).parents[2] / "hil-sim" / "grasps"
+GRASPS = Path(__file__).parents[3] / "hil-sim" / "grasps"
 
 # Friction of a motor, which a load must overcome first, N m (`hil-sim list --plant`).
 FRICTION = 0.04

@@ -1,6 +1,6 @@
 //! The terminal program against simulated hands: the walk-through, scripts and their exit codes, and its end in the middle of a motion.
 
-#[path = "../../wraptor/tests/served/mod.rs"]
+#[path = "../../tests/served/mod.rs"]
 mod served;
 
 use std::io::{Read, Write};

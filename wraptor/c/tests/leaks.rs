@@ -3,7 +3,7 @@
 
 #![cfg(target_os = "linux")]
 
-#[path = "../../wraptor/tests/served/mod.rs"]
+#[path = "../../tests/served/mod.rs"]
 mod served;
 
 use std::ffi::{CString, c_char, c_int, c_void};

@@ -1,6 +1,6 @@
 //! The C functions, called as C does: arguments, errors, threads, and constants that repeat the tables.
 
-#[path = "../../wraptor/tests/served/mod.rs"]
+#[path = "../../tests/served/mod.rs"]
 mod served;
 
 use std::ffi::{CStr, CString, c_int, c_long, c_void};

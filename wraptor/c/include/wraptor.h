@@ -1,7 +1,7 @@
 #ifndef WRAPTOR_H
 #define WRAPTOR_H
 
-/* Generated from wraptor-c/src by `cargo xtask c-library`. C library of a robot hand: docs/c-library.md. */
+/* Generated from wraptor/c/src by `cargo xtask c-library`. C library of a robot hand: docs/c-library.md. */
 
 #include <stdint.h>
 #include <stddef.h>
