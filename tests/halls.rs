@@ -6,8 +6,13 @@ use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::sense::recorded::real::Real;
 use servo_core::sense::recorded::{RecordedShaft, Tuning};
 use servo_core::units::Micros;
-use std::path::Path;
+use std::fs::File;
+use std::io::Read;
+use std::path::PathBuf;
 
+use flate2::read::GzDecoder;
+
+use crate::fences::root;
 use crate::figures::Figure::Near;
 use crate::figures::claim;
 
@@ -95,22 +100,20 @@ const BOUNDS: [Bound; 4] = [
     Bound { name: "20250615-new-slow", labels: (139.0, 0.092), rotor: (161.0, 0.101) },
 ];
 
-/// Recordings of motors, replayed with 90 counts a revolution, if they are installed beside the project. A result
-/// below half of a bound is suspicious: edges are known to 1/30 ms only, which is 2 % of the interval of two falling edges
-/// at 1500 counts/s.
+/// Where the recording of this name is.
+fn file_of(name: &str) -> PathBuf {
+    root().join("tests/captures").join(format!("{name}.dat.gz"))
+}
+
+/// Recordings of motors, replayed with 90 counts a revolution. A result below half of a bound is suspicious: edges are known to 1/30 ms only, which
+/// is 2 % of the interval of two falling edges at 1500 counts/s.
 #[test]
 fn recordings_score_within_their_bounds() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures");
-    if !folder.exists() {
-        println!("skipped: no recordings at {}", folder.display());
-        return;
-    }
     let mut stated = Vec::new();
     for (bound, (name, codes, _)) in BOUNDS.iter().zip(recordings()) {
-        assert_eq!(bound.name, name, "a recording is missing");
-        let path = folder.join(format!("{name}.dat.gz"));
         let mut lines = Vec::new();
-        let replayed = replay::replay(&path, 90, 30_000, &mut lines).unwrap_or_else(|e| panic!("{e}"));
+        let replayed =
+            replay::replay(&file_of(name), 90, 30_000, &mut lines).unwrap_or_else(|e| panic!("{e}"));
         let text = String::from_utf8(lines).expect("text");
         let estimate: Vec<(f64, f64)> = text
             .lines()
@@ -143,18 +146,16 @@ fn recordings_score_within_their_bounds() {
     claim("README.md", "| {}, {}, {}, {} (counts/s)²; best public estimator", &stated);
 }
 
-/// Codes and true velocity of each recording, if they are installed.
-fn recordings() -> Vec<(&'static str, Vec<u8>, Vec<f64>)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures");
-    let load = |bound: &Bound| {
-        let file = std::fs::File::open(folder.join(format!("{}.dat.gz", bound.name))).ok()?;
+/// Name, codes and true velocity of each recording.
+fn recordings() -> [(&'static str, Vec<u8>, Vec<f64>); 4] {
+    BOUNDS.map(|Bound { name, .. }| {
+        let file = File::open(file_of(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
         let mut raw = Vec::new();
-        std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(file), &mut raw).ok()?;
-        let codes = replay::samples(&raw).ok()?.codes;
+        GzDecoder::new(file).read_to_end(&mut raw).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let codes = replay::samples(&raw).unwrap_or_else(|error| panic!("{name}: {error:?}")).codes;
         let (_, velocity) = truth(&codes, 30_000.0);
-        Some((bound.name, codes, velocity))
-    };
-    BOUNDS.iter().filter_map(load).collect()
+        (name, codes, velocity)
+    })
 }
 
 /// Mean square velocity error on even marks, at each tenth sample.

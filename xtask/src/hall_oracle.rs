@@ -1,6 +1,6 @@
 //! Scores the hall estimator on recorded captures of real sensors, with the oracle that came with them.
 //!
-//! Captures and oracle are not part of the project; they are in `shared/` beside the checkout, if present.
+//! The oracle is not part of the project; it is in `shared/` beside the checkout, if present.
 
 use std::path::Path;
 
@@ -28,26 +28,24 @@ const BOUNDS: [Bounds; 4] = [
 /// Largest bias of a steady speed, percent.
 const BIAS_PERCENT: f64 = 0.3;
 
-/// Replays and scores every capture; skipped with a message if there are none.
+/// Replays and scores every capture; skipped with a message where there is no oracle.
 ///
 /// # Errors
 /// A capture misses its bounds, or a program fails.
 pub fn check() -> Outcome {
-    let shared = root().join("../shared");
-    let oracle = shared.join("tools/hall_oracle.py");
+    let oracle = root().join("../shared/tools/hall_oracle.py");
     if !oracle.exists() {
-        println!("skipped: no captures in ../shared beside the checkout");
+        println!("skipped: no oracle in ../shared beside the checkout; tests/halls.rs scores the recordings");
         return Ok(());
     }
     let out = target().join("hall-oracle");
     std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
-    let failures: Vec<String> =
-        BOUNDS.iter().filter_map(|b| judge(b, &shared, &oracle, &out).err()).collect();
+    let failures: Vec<String> = BOUNDS.iter().filter_map(|b| judge(b, &oracle, &out).err()).collect();
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
 }
 
-fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
-    let capture = shared.join("captures").join(format!("{}.dat.gz", bounds.capture));
+fn judge(bounds: &Bounds, oracle: &Path, out: &Path) -> Outcome {
+    let capture = root().join("tests/captures").join(format!("{}.dat.gz", bounds.capture));
     let csv = out.join(format!("{}.csv", bounds.capture));
     let mut replay = simulator("replay-halls")?;
     replay.arg(&capture).args(["--counts-per-rev", "90", "--rate-hz", "30000", "--csv"]).arg(&csv);
