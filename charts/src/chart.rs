@@ -1,10 +1,12 @@
 //! One chart as inline SVG: curves, points and bands over an axis, with a legend and marks. Colors are CSS classes of the page.
 //!
-//! The picture is what a reader without scripts and a printer see. `report.js` draws it anew from the same description.
+//! The picture is what a reader without scripts sees: the one that `report.js` draws at this width, below a title and a legend.
 
 use std::fmt::Write;
 
 use serde::Serialize;
+
+use super::axis::{Axis, range};
 
 /// Maximum points drawn for a curve: more than the plot has pixels would show nothing new.
 const MAX_POINTS: usize = 2000;
@@ -13,11 +15,14 @@ const MAX_POINTS: usize = 2000;
 const WIDTH: f64 = 1060.0;
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 18.0;
-const TOP: f64 = 34.0;
-const BOTTOM: f64 = 24.0;
-/// Height of a line of labels above the plot, and the width of a character in one.
+const TOP: f64 = 10.0;
+const BOTTOM: f64 = 26.0;
+/// Height of the line of title and legend above all.
+const HEAD: f64 = 24.0;
+/// Height of a line of labels above the plot, the width of a character in one, and the most lines.
 const LINE: f64 = 14.0;
 const LETTER: f64 = 6.4;
+const MOST_LINES: usize = 8;
 
 /// A column of numbers of a page, by its place there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -134,7 +139,7 @@ pub struct Level {
 }
 
 /// What goes across a chart.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Across {
     /// Its unit or name.
     pub unit: String,
@@ -237,102 +242,63 @@ impl Chart {
     }
 }
 
-/// Most ticks of an axis, whatever its numbers.
-const MOST_TICKS: usize = 100;
-
-struct Axis {
-    min: f64,
-    max: f64,
-    from: f64,
-    to: f64,
-    log: bool,
-}
-
-impl Axis {
-    fn at(&self, value: f64) -> f64 {
-        let of = |value: f64| if self.log { value.log10() } else { value };
-        self.from + (of(value) - of(self.min)) / (of(self.max) - of(self.min)) * (self.to - self.from)
-    }
-
-    /// Whether a value has a place.
-    fn has(&self, value: f64) -> bool {
-        value.is_finite() && (!self.log || value > 0.0)
-    }
-
-    /// Values with their texts, about `count` of them on a linear axis.
-    fn labels(&self, count: f64) -> Vec<(f64, String)> {
-        if !self.log {
-            let (ticks, decimals) = self.ticks(count);
-            return ticks.into_iter().map(|tick| (tick, format!("{tick:.decimals$}"))).collect();
+/// The range of the x axis that these charts share.
+pub(super) fn range_across<'a>(charts: impl Iterator<Item = &'a Chart>, columns: &[Numbers]) -> (f64, f64) {
+    let (mut values, mut log, mut margin) = (Vec::new(), false, 0.0);
+    for chart in charts {
+        log = chart.x.log;
+        for series in &chart.series {
+            values.push(numbers(columns, series.x));
+            if matches!(series.kind, Kind::Points { .. }) {
+                margin = 0.04;
+            }
         }
-        // From the smallest positive number to the largest there are 632 decades.
-        let decades =
-            (self.min.max(f64::MIN_POSITIVE).log10().floor() as i32)..=(self.max.log10().ceil() as i32);
-        let steps: &[f64] = match (self.max / self.min).log10() {
-            decades if decades > 6.0 => &[1.0],
-            decades if decades > 2.2 => &[1.0, 3.0],
-            _ => &[1.0, 2.0, 5.0],
-        };
-        let all = decades.flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade)));
-        let inside = all.filter(|value| (self.min * 0.999..=self.max * 1.001).contains(value));
-        // Without the rounding errors of the powers.
-        inside.take(MOST_TICKS).map(|value| (value, format!("{}", (value * 1e6).round() / 1e6))).collect()
     }
-
-    /// Round values at a round distance, about `count` of them, and their number of decimals.
-    fn ticks(&self, count: f64) -> (Vec<f64>, usize) {
-        let rough = (self.max - self.min) / count;
-        let power = 10f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].iter().map(|n| n * power).find(|step| *step >= rough * 0.999);
-        let step = step.unwrap_or(10.0 * power);
-        let (first, last) = ((self.min / step).ceil() as i64, (self.max / step).floor() as i64);
-        let decimals = (-step.log10().floor()).max(0.0) as usize;
-        ((first..=last).take(MOST_TICKS).map(|n| n as f64 * step).collect(), decimals)
-    }
+    range(values.into_iter().flatten().copied(), log, 0.0, margin)
 }
 
-/// The least and the largest of the values that have a place.
-fn extremes<'a>(values: impl Iterator<Item = &'a f64>, log: bool) -> Option<(f64, f64)> {
-    let inside = values.filter(|value| value.is_finite() && (!log || **value > 0.0));
-    inside.fold(None, |found, value| {
-        let (min, max) = found.unwrap_or((*value, *value));
-        Some((min.min(*value), max.max(*value)))
-    })
+fn numbers(columns: &[Numbers], column: Column) -> &[f64] {
+    columns.get(column.0).map_or(&[], |numbers| &numbers.values)
 }
 
 /// A chart with the numbers of its page.
 pub(super) struct Drawing<'a> {
     pub(super) chart: &'a Chart,
     pub(super) columns: &'a [Numbers],
+    /// The range of the x axis.
+    pub(super) across: (f64, f64),
 }
 
 impl Drawing<'_> {
     fn values(&self, column: Column) -> &[f64] {
-        self.columns.get(column.0).map_or(&[], |numbers| &numbers.values)
+        numbers(self.columns, column)
     }
 
     pub(super) fn svg(&self) -> String {
         let Chart { title, unit, height, marks, .. } = self.chart;
         let title = escape(title);
         let mut svg = format!(
-            "<svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{title}\">\
+            "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{title}\">\
              <text class=\"title\" x=\"{LEFT}\" y=\"18\">{title}<tspan class=\"unit\" dx=\"8\">{}</tspan></text>",
+            HEAD + height,
             escape(unit)
         );
-        let x = self.across();
-        let (min, max) = self.range();
-        let below = BOTTOM + if self.is_named() { LINE + 2.0 } else { 0.0 };
+        self.legend(&mut svg);
+        let (min, max) = self.across;
+        let x = Axis { min, max, from: LEFT, to: WIDTH - RIGHT, log: self.chart.x.log };
         let labels = if self.chart.labeled { place(marks, &x) } else { Vec::new() };
-        let lines = labels.iter().map(|label| label.line + 1).max().unwrap_or(0);
+        let lines = labels.iter().flatten().map(|label| label.line + 1).max().unwrap_or(0);
+        let below = BOTTOM + if self.is_named() { LINE + 2.0 } else { 0.0 };
+        let (min, max) = self.range();
         let y = Axis { min, max, from: height - below, to: TOP + LINE * lines as f64, log: self.chart.log };
+        let _ = write!(svg, "<g transform=\"translate(0 {HEAD})\">");
         self.grid(&mut svg, &x, &y);
         self.draw_marks(&mut svg, &x, &y, &labels);
         for series in &self.chart.series {
             let (kind, path) = self.path(series, &x, &y);
             let _ = write!(svg, "<path class=\"{kind} {}\" d=\"{path}\"/>", series.class);
         }
-        self.legend(&mut svg);
-        svg.push_str("</svg>\n");
+        svg.push_str("</g></svg>\n");
         svg
     }
 
@@ -352,7 +318,8 @@ impl Drawing<'_> {
             }
             Kind::Band { upper } => {
                 let rows = across.iter().zip(up.iter().zip(self.values(*upper)));
-                let rows: Vec<_> = rows.filter(|(_, (low, high))| y.has(**low) && y.has(**high)).collect();
+                let rows: Vec<_> =
+                    rows.filter(|(a, (low, high))| x.has(**a) && y.has(**low) && y.has(**high)).collect();
                 let there = rows.iter().map(|(a, (low, _))| format!("{:.1} {:.1}", x.at(**a), y.at(**low)));
                 let back =
                     rows.iter().rev().map(|(a, (_, high))| format!("{:.1} {:.1}", x.at(**a), y.at(**high)));
@@ -360,23 +327,6 @@ impl Drawing<'_> {
                 ("band", if outline.is_empty() { String::new() } else { format!("M{}Z", outline.join("L")) })
             }
         }
-    }
-
-    fn across(&self) -> Axis {
-        let Across { log, .. } = self.chart.x;
-        let values = self.chart.series.iter().flat_map(|series| self.values(series.x));
-        let (min, max) = extremes(values, log).unwrap_or(if log { (1.0, 10.0) } else { (0.0, 1.0) });
-        let (from, to) = (LEFT, WIDTH - RIGHT);
-        let is_scatter = self.chart.series.iter().any(|series| matches!(series.kind, Kind::Points { .. }));
-        let (min, max) = match (log, is_scatter) {
-            (true, _) => (min, if max > min { max } else { 2.0 * min }),
-            (false, true) => {
-                let span = if max > min { max - min } else { 1.0 };
-                (min - 0.04 * span, max + 0.04 * span)
-            }
-            (false, false) => (min, if max > min { max } else { min + 1.0 }),
-        };
-        Axis { min, max, from, to, log }
     }
 
     fn range(&self) -> (f64, f64) {
@@ -391,50 +341,42 @@ impl Drawing<'_> {
             };
             self.values(series.y).iter().chain(upper)
         });
-        let found = extremes(values.chain(levels.iter().map(|level| &level.value)), *log);
-        let span = least_span.max(f64::MIN_POSITIVE);
-        match (found, log) {
-            (None, true) => (0.1, 1.0),
-            (Some((min, max)), true) => (min / 1.3, max * 1.3),
-            (None, false) => (0.0, if *least_span > 0.0 { span } else { 1.0 }),
-            (Some((min, max)), false) => {
-                let middle = (min + max) / 2.0;
-                let span = if max > min { span.max(max - min) } else { least_span.max(1e-9 * middle.abs()) };
-                let span = if span > 0.0 { span } else { 1.0 };
-                (middle - 0.55 * span, middle + 0.55 * span)
-            }
-        }
+        let values = values.chain(levels.iter().map(|level| &level.value));
+        range(values.copied(), *log, *least_span, 0.05)
     }
 
     fn grid(&self, svg: &mut String, x: &Axis, y: &Axis) {
         let (bottom, top, right) = (y.from, y.to, x.to);
-        let unit = escape(&self.chart.x.unit);
-        for (tick, label) in x.labels(12.0) {
+        let unit = &self.chart.x.unit;
+        let end = right - LETTER * unit.chars().count() as f64 - 14.0;
+        for (tick, label) in x.ticks((right - LEFT) / 84.0) {
             let at = x.at(tick);
             let _ = write!(
                 svg,
                 "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{bottom}\" x2=\"{at:.1}\" y2=\"{top}\"/>"
             );
-            let below = bottom + 16.0;
-            let _ = write!(
-                svg,
-                "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{below}\">{label}</text>"
-            );
+            let below = bottom + 17.0;
+            if self.is_named() || at < end {
+                let _ = write!(
+                    svg,
+                    "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{below}\">{label}</text>"
+                );
+            }
         }
-        let (side, below) =
-            if self.is_named() { (right, bottom + 31.0) } else { (LEFT - 14.0, bottom + 16.0) };
+        let below = bottom + if self.is_named() { 33.0 } else { 17.0 };
+        let unit = escape(unit);
         let _ =
-            write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{side}\" y=\"{below}\">{unit}</text>");
+            write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{right}\" y=\"{below}\">{unit}</text>");
         if self.chart.lanes.is_empty() {
             // About 28 units a step, so that labels do not crowd.
-            for (tick, label) in y.labels((bottom - top) / 28.0) {
+            for (tick, label) in y.ticks((bottom - top) / 28.0) {
                 y_tick(svg, y.at(tick), right, &label, tick == 0.0);
             }
         }
         for (lane, name) in self.chart.lanes.iter().enumerate() {
             y_tick(svg, y.at(lane as f64 + 0.1), right, name, false);
         }
-        for Level { value, class, label } in &self.chart.levels {
+        for Level { value, class, label } in self.chart.levels.iter().filter(|level| y.has(level.value)) {
             let at = y.at(*value);
             let _ = write!(
                 svg,
@@ -448,11 +390,14 @@ impl Drawing<'_> {
         let _ = write!(svg, "<path class=\"frame\" d=\"M{LEFT} {top}V{bottom}H{right}\"/>");
     }
 
-    fn draw_marks(&self, svg: &mut String, x: &Axis, y: &Axis, labels: &[Label]) {
+    fn draw_marks(&self, svg: &mut String, x: &Axis, y: &Axis, labels: &[Option<Label>]) {
         for (index, mark) in self.chart.marks.iter().enumerate() {
             let (at, class) = (x.at(mark.x), mark.class);
+            if !is_inside(at, x) {
+                continue;
+            }
             let mut top = y.to;
-            if let Some(label) = labels.get(index) {
+            if let Some(Some(label)) = labels.get(index) {
                 top = TOP + LINE * label.line as f64;
                 let (anchor, dx) = if label.leftwards { ("end", -4.0) } else { ("start", 4.0) };
                 let _ = write!(
@@ -515,25 +460,29 @@ struct Label {
     leftwards: bool,
 }
 
+/// Half a unit beyond its ends is the rounding of a mark at one of them.
+fn is_inside(at: f64, x: &Axis) -> bool {
+    (x.from - 0.5..=x.to + 0.5).contains(&at)
+}
+
 /// Assigns each mark's label the first line in which it has room.
-fn place(marks: &[Mark], x: &Axis) -> Vec<Label> {
+fn place(marks: &[Mark], x: &Axis) -> Vec<Option<Label>> {
     let mut ends: Vec<f64> = Vec::new();
-    let mut labels = Vec::new();
-    for mark in marks {
+    let label = |mark: &Mark| {
         let at = x.at(mark.x);
         let width = LETTER * mark.label.chars().count() as f64 + 12.0;
         let leftwards = at + width > WIDTH;
         let begin = if leftwards { at - width } else { at };
         let line = ends.iter().position(|end| *end <= begin).unwrap_or(ends.len());
-        // A label to the left ends at its mark.
-        let end = begin + width;
-        match ends.get_mut(line) {
-            Some(taken) => *taken = end,
-            None => ends.push(end),
+        if !is_inside(at, x) || line >= MOST_LINES || begin < 0.0 {
+            return None;
         }
-        labels.push(Label { line, leftwards });
-    }
-    labels
+        ends.resize(ends.len().max(line + 1), 0.0);
+        // A label to the left ends at its mark.
+        ends[line] = begin + width;
+        Some(Label { line, leftwards })
+    };
+    marks.iter().map(label).collect()
 }
 
 /// Interrupted where a value is not finite. Of several values in one pixel it keeps the smallest and the largest, in order.
@@ -628,14 +577,5 @@ mod tests {
         let y = Axis { min: 0.0, max: 4.0, from: 0.0, to: 4.0, log: false };
         let drawn = path(&[0.0, 1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, f64::NAN, 3.0, 4.0], &x, &y);
         assert_eq!(drawn, "M0.0 1.0L1.0 2.0M3.0 3.0L4.0 4.0");
-    }
-
-    #[test]
-    fn ticks_are_round_and_inside() {
-        let axis = Axis { min: -3.3, max: 171.0, from: 0.0, to: 1.0, log: false };
-        assert_eq!(axis.ticks(6.0), (vec![0.0, 50.0, 100.0, 150.0], 0));
-        let axis = Axis { min: 0.11, max: 0.52, from: 0.0, to: 1.0, log: false };
-        let (ticks, decimals) = axis.ticks(4.0);
-        assert_eq!((ticks.len(), decimals), (2, 1));
     }
 }

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod alarms;
+mod axis;
 mod chart;
 mod sheet;
 

@@ -1,6 +1,5 @@
-'use strict';
 // Charts that zoom, read values and hide curves. Draws anew what `chart.rs` has drawn: without this script the page shows the same
-// charts, static. Nothing is loaded.
+// charts, static. The axes are those of axis.js. Nothing is loaded.
 (() => {
   const page = JSON.parse(document.getElementById('data').textContent);
   const columns = page.columns;
@@ -25,47 +24,6 @@
   const y = series => columns[series.y].values;
   const upper = series => columns[series.upper].values;
 
-  // An axis maps values onto places; a logarithmic one maps their logarithms.
-  const axis = (min, max, from, to, log) => {
-    const of = value => log ? Math.log10(value) : value;
-    const [a, b] = [of(min), of(max)];
-    return {
-      min, max, from, to, log,
-      at: value => from + (of(value) - a) / (b - a) * (to - from),
-      value: place => {
-        const value = a + (place - from) / (to - from) * (b - a);
-        return log ? 10 ** value : value;
-      },
-    };
-  };
-  // No more than this, whatever the numbers: an axis with more ticks is unreadable, and one without an end ends the tab.
-  const MOST_TICKS = 100;
-  const ticks = (axis, count) => {
-    if (!(Number.isFinite(axis.min) && Number.isFinite(axis.max) && axis.max > axis.min)) return [];
-    if (axis.log) {
-      const all = [];
-      const decades = Math.log10(axis.max / axis.min);
-      if (!(axis.min > 0 && decades <= MOST_TICKS)) return [];
-      const steps = decades > 6 ? [1] : decades > 2.2 ? [1, 3] : decades > 0.7 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9];
-      for (let decade = Math.floor(Math.log10(axis.min)); decade <= Math.log10(axis.max); decade++)
-        for (const step of steps) {
-          const value = +(step * 10 ** decade).toPrecision(3);
-          if (value >= axis.min * 0.999 && value <= axis.max * 1.001) all.push([value, value >= 1e5 || value < 1e-3 ? value.toExponential(0) : String(value)]);
-        }
-      return all;
-    }
-    const rough = (axis.max - axis.min) / Math.max(count, 1);
-    const power = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map(n => n * power).find(step => step >= rough * 0.999) || 10 * power;
-    const digits = Math.min(Math.max(-Math.floor(Math.log10(step * 1.001)), 0), 12);
-    const all = [];
-    for (let n = Math.ceil(axis.min / step); n <= Math.floor(axis.max / step) && all.length < MOST_TICKS; n++) {
-      const value = n * step;
-      all.push([value, Math.abs(value) >= 1e6 ? value.toExponential(1) : value.toFixed(digits)]);
-    }
-    return all;
-  };
-
   // Index of the last value that is not above `wanted`; -1 if there is none.
   const before = (values, wanted) => {
     let [low, high] = [0, values.length];
@@ -87,43 +45,23 @@
     return chart.group.view || [lo, hi];
   };
   const rangeX = charts => {
-    let [lo, hi] = [Infinity, -Infinity];
-    for (const chart of charts) for (const series of chart.series) for (const value of x(series)) {
-      if (value === null || (chart.x.log && value <= 0)) continue;
-      lo = Math.min(lo, value);
-      hi = Math.max(hi, value);
-    }
-    if (lo > hi) return [0, 1];
-    const padded = charts.some(chart => chart.series.some(series => series.kind === 'points'));
-    if (charts.some(chart => chart.x.log)) return hi > lo ? [lo, hi] : [lo / 2, lo * 2];
-    if (padded) {
-      const room = (hi - lo || Math.abs(hi) || 1) * 0.04;
-      return [lo - room, hi + room];
-    }
-    return [lo, hi > lo ? hi : lo + 1];
+    const all = charts.flatMap(chart => chart.series);
+    const margin = all.some(series => series.kind === 'points') ? 0.04 : 0;
+    return axes.range(all.flatMap(x), charts.some(chart => chart.x.log), 0, margin);
   };
-  // As `range` in chart.rs, over what is visible.
+  // Over what is visible.
   const rangeY = (chart, [a, b]) => {
     if (chart.lanes.length) return [0, chart.lanes.length];
     if (chart.viewY) return chart.viewY;
-    let [lo, hi] = [Infinity, -Infinity];
-    const take = value => {
-      if (value === null || (chart.log && value <= 0)) return;
-      if (value < lo) lo = value;
-      if (value > hi) hi = value;
-    };
+    const values = chart.levels.map(level => level.value);
     for (const series of shown(chart)) {
       const [xs, ys] = [x(series), y(series)];
       for (let i = 0; i < xs.length; i++) if (xs[i] >= a && xs[i] <= b) {
-        take(ys[i]);
-        if (series.upper !== undefined) take(upper(series)[i]);
+        values.push(ys[i]);
+        if (series.upper !== undefined) values.push(upper(series)[i]);
       }
     }
-    for (const level of chart.levels) take(level.value);
-    if (lo > hi) return chart.log ? [0.1, 1] : [0, chart.span];
-    if (chart.log) return hi > lo ? [lo / 1.3, hi * 1.3] : [lo / 2, lo * 2];
-    const [span, middle] = [Math.max(hi - lo, chart.span) || 1, (lo + hi) / 2];
-    return [middle - 0.55 * span, middle + 0.55 * span];
+    return axes.range(values, chart.log, chart.span, 0.05);
   };
 
   // Lines interrupted where a value is missing. Of several values in one pixel the smallest and the largest are drawn, in order.
@@ -134,7 +72,7 @@
     let path = '', down = false, low = -1, high = -1, pixel = null;
     const put = i => {
       const value = ys[i];
-      if (value === null || (ay.log && value <= 0)) { down = false; return; }
+      if (!ax.has(xs[i]) || !ay.has(value)) { down = false; return; }
       path += `${down ? 'L' : 'M'}${ax.at(xs[i]).toFixed(1)} ${ay.at(value).toFixed(1)}`;
       down = true;
     };
@@ -146,7 +84,7 @@
     };
     for (let i = from; i < to; i++) {
       if (!dense) { put(i); continue; }
-      if (ys[i] === null) { flush(); down = false; continue; }
+      if (!ay.has(ys[i])) { flush(); down = false; continue; }
       const at = Math.floor(ax.at(xs[i]));
       if (at !== pixel) { flush(); pixel = at; }
       if (low < 0 || ys[i] < ys[low]) low = i;
@@ -160,7 +98,7 @@
     const back = [];
     let path = '';
     for (let i = 0; i < xs.length; i++) {
-      if (lo[i] === null || hi[i] === null) continue;
+      if (!ax.has(xs[i]) || !ay.has(lo[i]) || !ay.has(hi[i])) continue;
       path += `${path ? 'L' : 'M'}${ax.at(xs[i]).toFixed(1)} ${ay.at(lo[i]).toFixed(1)}`;
       back.push(`L${ax.at(xs[i]).toFixed(1)} ${ay.at(hi[i]).toFixed(1)}`);
     }
@@ -170,19 +108,21 @@
     const [xs, ys] = [x(series), y(series)];
     let path = '';
     for (let i = 0; i < xs.length; i++) {
-      if (xs[i] === null || ys[i] === null || (ay.log && ys[i] <= 0)) continue;
+      if (!ax.has(xs[i]) || !ay.has(ys[i])) continue;
       path += `M${ax.at(xs[i]).toFixed(1)} ${ay.at(ys[i]).toFixed(1)}h0`;
     }
     return path;
   };
   const DRAW = { line, band, points };
 
+  // Half a unit beyond its ends is the rounding of a mark at one of them.
+  const isInside = (mark, ax) => ax.has(mark.x) && ax.at(mark.x) >= ax.from - 0.5 && ax.at(mark.x) <= ax.to + 0.5;
   // The first line of labels in which each mark has room; none beyond MOST_LINES.
   const place = (marks, ax, width) => {
     const ends = [];
     return marks.map(mark => {
       const at = ax.at(mark.x);
-      if (at < ax.from - 0.5 || at > ax.to + 0.5) return null;
+      if (!isInside(mark, ax)) return null;
       const room = LETTER * mark.label.length + 12;
       const left = at + room > width;
       const begin = left ? at - room : at;
@@ -201,19 +141,19 @@
     svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
     const left = width < 560 ? 46 : LEFT;
     const [a, b] = fullX(chart);
-    const ax = axis(a, b, left, width - RIGHT, chart.x.log);
+    const ax = axes.axis(a, b, left, width - RIGHT, chart.x.log);
     const labels = chart.labeled ? place(chart.marks, ax, width) : [];
     const rows = Math.max(0, ...labels.filter(label => label).map(label => label.row + 1));
     const [lo, hi] = rangeY(chart, [a, b]);
     const unit = chart.x.unit;
     // A name of the axis, longer than a unit, has a line of its own.
     const named = unit.length > 4;
-    const ay = axis(lo, hi, height - BOTTOM - (named ? LINE + 2 : 0), TOP + LINE * rows, chart.log);
+    const ay = axes.axis(lo, hi, height - BOTTOM - (named ? LINE + 2 : 0), TOP + LINE * rows, chart.log);
     chart.ax = ax;
     chart.ay = ay;
     const [bottom, top, right] = [ay.from, ay.to, ax.to];
     let out = `<clipPath id="${chart.id}"><rect x="${left}" y="${top - 1}" width="${right - left}" height="${bottom - top + 2}"/></clipPath>`;
-    for (const [value, label] of ticks(ax, (right - left) / 84)) {
+    for (const [value, label] of axes.ticks(ax, (right - left) / 84)) {
       const at = ax.at(value).toFixed(1);
       out += `<line class="grid" x1="${at}" y1="${bottom}" x2="${at}" y2="${top}"/>`;
       if (named || ax.at(value) < right - LETTER * unit.length - 14)
@@ -223,10 +163,10 @@
     if (chart.lanes.length) {
       chart.lanes.forEach((name, lane) => { out += yTick(ay.at(lane + 0.1), left, right, escape(name), false); });
     } else {
-      for (const [value, label] of ticks(ay, (bottom - top) / 28)) out += yTick(ay.at(value), left, right, label, value === 0);
+      for (const [value, label] of axes.ticks(ay, (bottom - top) / 28)) out += yTick(ay.at(value), left, right, label, value === 0);
     }
     for (const level of chart.levels) {
-      if (level.value < lo || level.value > hi) continue;
+      if (!ay.has(level.value) || level.value < lo || level.value > hi) continue;
       const at = ay.at(level.value).toFixed(1);
       out += `<line class="mark ${level.class}" x1="${left}" y1="${at}" x2="${right}" y2="${at}"/>`;
       if (level.label) out += `<text class="label ${level.class}" text-anchor="end" x="${right - 6}" y="${at - 5}">${escape(level.label)}</text>`;
@@ -234,7 +174,7 @@
     out += `<path class="frame" d="M${left} ${top}V${bottom}H${right}"/>`;
     chart.marks.forEach((mark, i) => {
       const at = ax.at(mark.x);
-      if (at < left - 0.5 || at > right + 0.5) return;
+      if (!isInside(mark, ax)) return;
       const label = labels[i];
       const from = label ? TOP + LINE * label.row : top;
       if (label)
@@ -276,7 +216,7 @@
       output.textContent = chart.lanes.length ? value === null ? '–' : String(Math.round(value % 1))
         : series.upper === undefined ? numberOf(series.y, value)
         : `${numberOf(series.y, value)} to ${numberOf(series.upper, upper(series)[row])}`;
-      if (value !== null && series.kind === 'line' && !hidden.has(chart.keys[i]) && !(chart.log && value <= 0))
+      if (series.kind === 'line' && !hidden.has(chart.keys[i]) && ax.has(xs[row]) && ay.has(value))
         out += `<circle class="${series.class}" cx="${ax.at(xs[row]).toFixed(1)}" cy="${ay.at(value).toFixed(1)}" r="3.5"/>`;
     });
     if (chart.time) chart.time.textContent = isVisible && !chart.isScatter ? `${+at.toPrecision(7)} ${chart.x.unit}` : '';
@@ -328,7 +268,7 @@
       if (hidden.has(chart.keys[i]) || series.kind !== 'points') return;
       const [xs, ys] = [x(series), y(series)];
       for (let row = 0; row < xs.length; row++) {
-        if (xs[row] === null || ys[row] === null) continue;
+        if (!chart.ax.has(xs[row]) || !chart.ay.has(ys[row])) continue;
         const d = (chart.ax.at(xs[row]) - px) ** 2 + (chart.ay.at(ys[row]) - py) ** 2;
         if (d < least) { least = d; best = { series, row }; }
       }
@@ -407,7 +347,9 @@
         if (Math.abs(at[0] - begin[0]) > 4) {
           if (chart.isScatter && Math.abs(at[1] - begin[1]) > 4) {
             const values = [begin[1], at[1]].map(py => chart.ay.value(Math.min(Math.max(py, chart.ay.to), chart.ay.from)));
-            chart.viewY = [Math.min(...values), Math.max(...values)];
+            const [lo, hi] = [Math.min(...values), Math.max(...values)];
+            // Zoomed again and again, a range would end as one number, which has no axis.
+            if (!axes.isFlat(hi - lo, Math.max(Math.abs(lo), Math.abs(hi)))) chart.viewY = [lo, hi];
           }
           zoom(group, Math.min(a, b), Math.max(a, b));
         }

@@ -2,18 +2,19 @@
 
 use std::fmt::Write;
 
-use super::chart::{Chart, Column, Drawing, Numbers, escape};
+use super::chart::{Chart, Column, Drawing, Numbers, escape, range_across};
 
 /// Light or dark as the reader's system is. Blue, vermilion and green, which come first, are distinct for color-blind readers.
 const STYLE: &str = include_str!("style.css");
-const SCRIPT: &str = include_str!("report.js");
+const SCRIPT: &str = concat!(include_str!("axis.js"), include_str!("report.js"));
 
 /// A page under construction.
 pub struct Sheet {
     title: String,
     body: String,
     columns: Vec<Numbers>,
-    charts: Vec<String>,
+    /// Each with its place in the body.
+    charts: Vec<(usize, Chart)>,
 }
 
 impl Sheet {
@@ -54,12 +55,25 @@ impl Sheet {
 
     /// Appends a chart.
     pub fn chart(&mut self, chart: &Chart) {
-        let svg = Drawing { chart, columns: &self.columns }.svg();
-        let number = self.charts.len();
-        let _ =
-            writeln!(self.body, "<figure data-chart=\"{number}\"><div class=\"pane\">{svg}</div></figure>");
-        // Texts, numbers and lists only: serialization cannot fail.
-        self.charts.push(serde_json::to_string(chart).unwrap_or_default());
+        self.charts.push((self.body.len(), chart.clone()));
+    }
+
+    /// The body with its charts, which share axes with later ones.
+    fn drawn(&self) -> String {
+        let (mut drawn, mut begin) = (String::new(), 0);
+        for (number, (end, chart)) in self.charts.iter().enumerate() {
+            let shares = |other: &Chart| chart.x.group.is_some() && chart.x == other.x;
+            let group = self.charts.iter().enumerate();
+            let group =
+                group.filter(|(at, (_, other))| *at == number || shares(other)).map(|(_, (_, other))| other);
+            let across = range_across(group, &self.columns);
+            let svg = Drawing { chart, columns: &self.columns, across }.svg();
+            drawn.push_str(&self.body[begin..*end]);
+            let _ =
+                writeln!(drawn, "<figure data-chart=\"{number}\"><div class=\"pane\">{svg}</div></figure>");
+            begin = *end;
+        }
+        drawn + &self.body[begin..]
     }
 
     /// Appends how charts are used, for readers with scripts.
@@ -79,8 +93,11 @@ impl Sheet {
             numbers.push_str(if index > 0 { ",\n" } else { "" });
             column.push(&mut numbers);
         }
+        // Texts, numbers and lists only: serialization cannot fail.
+        let charts = self.charts.iter().map(|(_, chart)| serde_json::to_string(chart).unwrap_or_default());
+        let charts = charts.collect::<Vec<_>>().join(",\n");
         // A text could end the element that contains it.
-        let data = format!("{{\"columns\":[{numbers}],\n\"charts\":[{}]}}", self.charts.join(",\n"));
+        let data = format!("{{\"columns\":[{numbers}],\n\"charts\":[{charts}]}}");
         let data = data.replace("</", "<\\/").replace("<!--", "<\\u0021--");
         let script = if self.charts.is_empty() {
             String::new()
@@ -94,7 +111,7 @@ impl Sheet {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <title>{} · hil-sim</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{}</main>\n{script}</body>\n</html>\n",
             escape(&self.title),
-            self.body
+            self.drawn()
         )
     }
 }
