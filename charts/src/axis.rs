@@ -141,7 +141,7 @@ mod tests {
     const ABSENT: f64 = f64::NAN;
 
     /// Values, as a chart may have them.
-    const VALUES: [&[f64]; 36] = [
+    const VALUES: [&[f64]; 37] = [
         &[],
         &[ABSENT],
         &[0.0],
@@ -172,6 +172,7 @@ mod tests {
         &[1.6, 1.63],
         &[3.0, 11.0],
         &[0.9, 90.0],
+        &[1.0, 150.0],
         &[0.02, 500.0],
         &[1e-5, 1e5],
         &[1e-9, 1e9],

@@ -578,4 +578,19 @@ mod tests {
         let drawn = path(&[0.0, 1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, f64::NAN, 3.0, 4.0], &x, &y);
         assert_eq!(drawn, "M0.0 1.0L1.0 2.0M3.0 3.0L4.0 4.0");
     }
+
+    #[test]
+    fn label_of_a_mark_has_a_place_inside_the_chart_or_none() {
+        let x = Axis { min: 0.0, max: 10.0, from: LEFT, to: WIDTH - RIGHT, log: false };
+        let mark = |x| Mark { x, class: "good", label: "arrived".to_owned() };
+        let lines = |marks: &[f64]| {
+            let marks: Vec<Mark> = marks.iter().copied().map(mark).collect();
+            place(&marks, &x).iter().map(|label| label.as_ref().map(|label| label.line)).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            lines(&[-1.0, 0.0, 0.1, 5.0, 11.0, f64::NAN]),
+            [None, Some(0), Some(1), Some(0), None, None]
+        );
+        assert_eq!(lines(&[5.0; 9]).iter().flatten().max(), Some(&(MOST_LINES - 1)));
+    }
 }

@@ -154,6 +154,30 @@ mod tests {
     }
 
     #[test]
+    fn charts_of_a_group_share_their_range_across() {
+        let mut sheet = Sheet::new("x");
+        let time = Some("time");
+        let charts = [
+            ("ms", time, 20.0),
+            ("ms", None, 20.0),
+            ("Hz", time, 20.0),
+            ("ms", time, 3000.0),
+            ("ms", None, 3000.0),
+        ];
+        for (unit, group, last) in charts {
+            let column = sheet.column(vec![0.0, last], None);
+            let mut chart = Chart::new("x", "V", unit);
+            chart.x.group = group.map(str::to_owned);
+            chart.series.push(Series::line("x", "c1", column, column));
+            sheet.chart(&chart);
+        }
+        let page = sheet.finish();
+        let pictures: Vec<&str> = page.split("<figure").skip(1).collect();
+        let has = |label: &str| pictures.iter().map(|picture| picture.contains(label)).collect::<Vec<_>>();
+        assert_eq!(has("\">1500</text>"), [true, false, false, true, true]);
+    }
+
+    #[test]
     fn page_loads_nothing() {
         let page = page();
         for word in ["http://", "https://", "src=", "<link", "@import", "url("] {

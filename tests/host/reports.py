@@ -4,6 +4,7 @@ usage: reports.py HIL-SIM CHROMIUM [FOLDER FOR PICTURES]
 """
 
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -274,6 +275,65 @@ def no_script(browser, path):
     check(found[0] is False and found[1] > 5, f"static charts: {found}")
 
 
+def rule(browser, path, root):
+    """The script's axes have the ranges, ticks and labels that `cargo test -p charts` holds axis.rs to."""
+    with open(os.path.join(root, "charts", "axes.json"), encoding="utf-8") as file:
+        cases = json.load(file)
+    browser.open(path)
+    found = browser.value(f"""{json.dumps(cases)}.map(({{ values, log, span, margin, count }}) => {{
+        const range = axes.range(values, log, span, margin), axis = axes.axis(...range, 0, 1000, log), ticks = axes.ticks(axis, count);
+        return {{ range, ticks, lost: [...ticks.map(([tick]) => tick), ...values.filter(axis.has)].filter(v => !(Math.abs(axis.at(v) - 500) <= 500.1)) }};
+    }})""")
+    for case, got in zip(cases, found, strict=True):
+        for part in ["range", "ticks"]:
+            check(got[part] == case[part], f"{case}: the script has the {part} {got[part]}")
+        check(not got["lost"], f"{case}: the script has no place for {got['lost']}")
+
+
+def drawn(browser):
+    """Ticks, labels, grid and marks of each chart whose axes nobody chooses: a name, and numbers that are places."""
+    return browser.value(f"""{CHARTS}.map(f => f.querySelector('select') ? [] : [...f.querySelectorAll(
+        '.pane svg :is(text.tick, text.label, line.grid, line.mark, path.frame)')].filter(e => e.tagName !== 'text' || e.textContent).map(e => [
+        `${{e.getAttribute('class')}} ${{e.tagName === 'text' ? e.textContent : ''}}`,
+        ['x', 'y', 'x1', 'y1', 'x2', 'y2', 'd'].flatMap(n => (e.getAttribute(n) || '').match(/[-.0-9]+/g) || []).map(Number)]))""")
+
+
+def alike(browser, path):
+    """The static pictures have the axes and marks that the script draws at their width."""
+    wide = path.removesuffix(".html") + "-wide.html"
+    with open(path, encoding="utf-8") as page, open(wide, "w", encoding="utf-8") as copy:
+        # The picture is 1060 wide; so is the script's without paddings and borders.
+        copy.write(page.read().replace("main { max-width:1100px;", "main { max-width:1102px;"))
+    browser.open(wide)
+    live = drawn(browser)
+    browser.call("Emulation.setScriptExecutionDisabled", value=True)
+    browser.open(wide)
+    static = drawn(browser)
+    browser.call("Emulation.setScriptExecutionDisabled", value=False)
+    os.remove(wide)
+    for number, (one, other) in enumerate(zip(live, static, strict=True)):
+        if one:
+            names = [[name for name, _ in parts] for parts in (one, other)]
+            check(names[0] == names[1], f"{path}, chart {number}: the script draws {names[0]}, the picture has {names[1]}")
+            for (name, places), (_, others) in zip(one, other):
+                # Both round to tenths, halves differently.
+                near = len(places) == len(others) and all(abs(a - b) < 0.11 for a, b in zip(places, others))
+                check(near, f"{path}, chart {number}, {name}: the script draws at {places}, the picture at {others}")
+    return sum(map(len, live))
+
+
+def hide(browser, path):
+    """A chart without a curve still has axes, and no page has a number that is none."""
+    lost = "[...document.querySelectorAll('svg, svg *')].flatMap(e => [...e.attributes].map(a => a.value).filter(v => /NaN|Infinity/.test(v)))"
+    browser.open(path)
+    check(not browser.value(lost), f"{path}: {browser.value(lost)[:5]}")
+    browser.value("document.querySelectorAll('.legend button[aria-pressed=true]').forEach(b => b.getAttribute('aria-pressed') === 'true' && b.click())")
+    check(browser.value("document.querySelectorAll('svg[tabindex] g[clip-path] path').length") == 0, f"{path}: every curve is hidden")
+    check(not browser.value(lost), f"{path}, all curves hidden: {browser.value(lost)[:5]}")
+    bare = browser.value(f"{CHARTS}.filter(f => f.querySelectorAll('svg[tabindex] text.tick').length < 3).map(f => f.textContent)")
+    check(not bare, f"{path}, all curves hidden: charts without ticks: {bare}")
+
+
 def kinds(root):
     """The modules that write pages."""
     found = set()
@@ -322,10 +382,15 @@ def main(hil_sim, chromium, pictures=None):
         run("identify", "excited.csv", "--motor", "tip", "--out", "ident")
         run("bode", "--motor", "spread", "--mode", "position", "--realizations", "4", "--out", "bode")
         place = lambda name: os.path.join(folder, name)
+        rule(browser, place("a/report.html"), root)
+        compared = 0
         for name in sorted(sum(KINDS.values(), [])):
             everywhere(browser, place(name), pictures)
             bounded(browser, place(name))
+            hide(browser, place(name))
+            compared += alike(browser, place(name))
             print(f"{name}: {own_bytes(place(name)) // 1000} kB and {(os.path.getsize(place(name)) - own_bytes(place(name))) // 1000} kB of numbers")
+        check(compared > 500, f"{compared} parts of pictures were compared")
         for path in published(root):
             everywhere(browser, path, pictures)
             bounded(browser, path)
