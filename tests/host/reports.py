@@ -330,8 +330,9 @@ def hide(browser, path):
     browser.value("document.querySelectorAll('.legend button[aria-pressed=true]').forEach(b => b.getAttribute('aria-pressed') === 'true' && b.click())")
     check(browser.value("document.querySelectorAll('svg[tabindex] g[clip-path] path').length") == 0, f"{path}: every curve is hidden")
     check(not browser.value(lost), f"{path}, all curves hidden: {browser.value(lost)[:5]}")
-    bare = browser.value(f"{CHARTS}.filter(f => f.querySelectorAll('svg[tabindex] text.tick').length < 3).map(f => f.textContent)")
-    check(not bare, f"{path}, all curves hidden: charts without ticks: {bare}")
+    # The unit of the x axis, and two labels of the y axis.
+    bare = browser.value(f"{CHARTS}.filter(f => f.querySelectorAll('svg[tabindex] text.tick[text-anchor=end]').length < 3).map(f => f.textContent)")
+    check(not bare, f"{path}, all curves hidden: charts without labels upwards: {bare}")
 
 
 def kinds(root):
@@ -394,6 +395,7 @@ def main(hil_sim, chromium, pictures=None):
         for path in published(root):
             everywhere(browser, path, pictures)
             bounded(browser, path)
+            hide(browser, path)
             print(f"{os.path.relpath(path, root)}: {own_bytes(path) // 1000} kB beside the numbers")
         for name in ["a/report.html", "compare.html"]:
             browser.open(place(name))
