@@ -16,11 +16,14 @@ use hil_tuning::bode::{Loop, Setup, measure, page, scenario};
 use hil_tuning::response::{FEWEST, Margins, Point, Response};
 use hil_tuning::spectrum;
 use traces::input::BadInput;
-use traces::names::MOTOR;
+use traces::names::{MOTOR, clock_unit};
 use traces::numbers::Numbers;
 
 /// Relative standard deviation above which a line is left out: its phase is off by 20° and more.
 const MOST_DEVIATION: f64 = 0.35;
+
+/// Time between two rows of a motor's recording, ms. A scope's or a slow logger's is possible; a wrong unit is more likely.
+const SENSIBLE_MS: std::ops::Range<f64> = 0.01..1000.0;
 
 /// Share of ticks at a limit from which a loop is another one.
 const MOST_LIMITED: f64 = 0.05;
@@ -335,6 +338,12 @@ fn times_s(table: &Numbers, rows: &[usize]) -> Result<Vec<f64>, BadInput> {
     let column = table.need(&["time_ms", "time_s", "t_ms", "t_s"], "time_ms or time_s")?;
     let scale = if table.name(column).to_ascii_lowercase().ends_with("_ms") { 1e-3 } else { 1.0 };
     let times: Vec<f64> = rows.iter().map(|row| table.number(*row, column)).collect::<Result<_, _>>()?;
+    let step = times[1] - times[0];
+    if let Some(unit) = clock_unit(1e3 * scale, times[0], step) {
+        let name = if scale < 1.0 { "milliseconds" } else { "seconds" };
+        let expected = format!("{name}: these times are {unit} since 1970");
+        return Err(table.bad(rows[0], column, "times in another unit", &expected));
+    }
     // Sampling that is not even is read between the rows; where some are missing there is nothing to read.
     if let Some(at) = spectrum::unreadable(&times) {
         if times[at] <= times[at - 1] {
@@ -344,6 +353,14 @@ fn times_s(table: &Numbers, rows: &[usize]) -> Result<Vec<f64>, BadInput> {
         let problem = format!("a gap of {} after the row before", times[at] - times[at - 1]);
         let expected = format!("a row every {} or so: record it again", spectrum::step(&times));
         return Err(table.bad(rows[at], column, &problem, &expected));
+    }
+    let step_ms = 1e3 * scale * spectrum::step(&times);
+    if !SENSIBLE_MS.contains(&step_ms) {
+        warn(&format!(
+            "note: {}: a row every {step_ms:e} ms: check that {} has the unit that its name says",
+            table.place(),
+            table.name(column)
+        ));
     }
     // A clock's times lose their digits in f64 if they are scaled first.
     let first = times.first().copied().unwrap_or_default();

@@ -30,11 +30,12 @@ fn known() -> Vec<&'static str> {
 pub fn table(path: &Path) -> Result<(PathBuf, Box<dyn Source>), BadInput> {
     let path = if path.is_dir() { in_folder(path)? } else { path.to_owned() };
     let place = path.display().to_string();
-    let source = bytes(&path).and_then(|bytes| {
-        // A pipe's name says nothing; a file's name may.
-        let format = Format::of(&path).unwrap_or_else(|_| Format::of_bytes(&bytes));
-        format.source(bytes).map_err(|error| bad(&place, error))
-    })?;
+    let bytes = bytes(&path)?;
+    let (format, other) = Format::of_file(&path, &bytes);
+    if let Some(note) = other {
+        warn(&format!("note: {place}: {note}"));
+    }
+    let source = format.source(bytes).map_err(|error| bad(&place, error))?;
     for note in source.notes() {
         warn(&format!("note: {place}: {note}"));
     }

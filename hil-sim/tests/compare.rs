@@ -89,6 +89,26 @@ fn other_rates_lengths_columns_and_formats_are_compared() {
     }
 }
 
+/// Programs with one type for all numbers write the node as 4.0.
+#[test]
+fn node_written_as_a_decimal_keeps_motors_apart() {
+    let folder = folder("compare-nodes");
+    let rows = |point: &str| -> String {
+        let row = |node, i| format!("{i},{node}{point},{}\n", 10 * node + i);
+        (0..9).flat_map(|i| [1, 4].map(|node| row(node, i))).collect()
+    };
+    for (file, point) in [("whole.csv", ""), ("decimal.csv", ".0"), ("half.csv", ".5")] {
+        let text = format!("time_ms,motor,position_counts\n{}", rows(point));
+        std::fs::write(folder.join(file), text).expect("ours");
+    }
+    let compared = json(&folder, &["whole.csv", "decimal.csv"]);
+    assert_eq!(compared["groups"].as_array().map(Vec::len), Some(2), "{compared}");
+    assert_eq!(row(&compared, "figures", "travel")["values"], serde_json::json!([8.0, 8.0]));
+    let output = hil_sim(&["compare", "whole.csv", "half.csv"], &folder);
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(errors.contains("half.csv:2: column motor"), "{errors}");
+}
+
 #[test]
 fn bad_inputs_name_the_place_and_a_next_step() {
     let folder = folder("compare-bad");

@@ -155,6 +155,7 @@ fn tables_from_elsewhere_are_taken() {
         };
         text.lines().map(shift).collect::<String>()
     };
+    let capitals = plain.lines().next().unwrap_or_default().to_uppercase().replace(',', " , ");
     for (name, text) in [
         ("python", plain.replace('\n', "\r\n")),
         ("mac", plain.replace('\n', "\r")),
@@ -167,7 +168,9 @@ fn tables_from_elsewhere_are_taken() {
                 .map(|(i, line)| if i == 0 { format!(",{line}\n") } else { format!("{i},{line}\n") })
                 .collect(),
         ),
-        ("comments", format!("# a bench\n\n{}\n\n# the end\n", plain.trim_end())),
+        ("comments", format!("# a bench\n\n{}\n\n% the end\n", plain.trim_end())),
+        ("capitals", plain.replacen(plain.lines().next().unwrap_or_default(), &capitals, 1)),
+        ("sep", format!("sep=;\r\n{}", plain.replace(',', ";"))),
         ("epoch", epoch(&plain)),
     ] {
         let file = format!("{name}.csv");
@@ -176,6 +179,12 @@ fn tables_from_elsewhere_are_taken() {
         // The times of a clock have a digit less.
         let is_alike = if name == "epoch" { !found.contains("\"determined\":false") } else { found == want };
         assert!(is_alike, "{name}: {errors}{found}\n{want}");
+        if name == "capitals" {
+            // The names of a trace that is kept or compared are those of docs/traces.md.
+            let (_, errors) = says(&folder, &["convert", &file, "again.csv"], &[2]);
+            assert!(errors.contains("expected: time_ms, the first column"), "{errors}");
+            continue;
+        }
         is_taken(&folder, &file, "T", "P");
     }
 }
@@ -209,4 +218,85 @@ fn responses_are_taken_in_all_formats() {
         .expect("ours");
     let (_, errors) = says(&folder, &["margins", "b.csv"], &[0]);
     assert!(errors.contains("if these are radians"), "{errors}");
+}
+
+/// A file whose name or encoding says another thing than its content is read by its content, or refused with a next step.
+#[test]
+fn files_under_other_names_are_read_by_their_content() {
+    let folder = folder("readers-names");
+    says(&folder, &["excite", "--motor", "tip", "--out", "e.csv"], &[0]);
+    let (want, _) = says(&folder, &["identify", "e.csv", "--json"], &[0]);
+    let plain = std::fs::read_to_string(folder.join("e.csv")).expect("written");
+    let wide = format!("\u{feff}{}", plain.replace(',', "\t"));
+    std::fs::write(
+        folder.join("wide.txt"),
+        wide.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>(),
+    )
+    .expect("ours");
+    in_all_formats(&folder, "e.csv");
+    for (from, to) in [
+        ("e.csv", "csv.parquet"),
+        ("e.csv", "csv.mcap"),
+        ("e-as.parquet", "parquet.csv"),
+        ("e-as.mcap", "mcap.parquet"),
+    ] {
+        std::fs::copy(folder.join(from), folder.join(to)).expect("ours");
+    }
+    for file in ["csv.parquet", "csv.mcap", "parquet.csv", "mcap.parquet", "wide.txt"] {
+        let (found, errors) = says(&folder, &["identify", file, "--json"], &[0]);
+        assert!(found == want && errors.contains("note: "), "{file}: {errors}");
+    }
+    for (file, bytes) in
+        [("a.parquet", "PAR1"), ("a.mcap", "\0"), ("b.parquet", ""), ("a.xlsx", "PK\u{3}\u{4}")]
+    {
+        std::fs::write(folder.join(file), bytes).expect("ours");
+        let (_, errors) = says(&folder, &["identify", file], &[2]);
+        assert!(errors.contains(&format!("error: {file}")) && errors.contains("next:"), "{errors}");
+    }
+}
+
+/// Pipes have no length and no end before they are read.
+#[cfg(unix)]
+#[test]
+fn pipe_is_read_as_a_file() {
+    let folder = folder("readers-pipe");
+    says(&folder, &["excite", "--motor", "tip", "--out", "e.mcap"], &[0]);
+    let (want, _) = says(&folder, &["identify", "e.mcap", "--json"], &[0]);
+    let mut cat = Command::new("cat");
+    let mut cat =
+        cat.arg(folder.join("e.mcap")).stdout(std::process::Stdio::piped()).spawn().expect("cat starts");
+    let mut hil_sim = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    hil_sim.args(["identify", "/dev/stdin", "--json"]).stdin(cat.stdout.take().expect("piped"));
+    let output = hil_sim.output().expect("the binary starts");
+    assert!(cat.wait().expect("it ends").success());
+    assert_eq!(String::from_utf8_lossy(&output.stdout), want);
+}
+
+/// Times since 1970 in another unit than their column's name says would shift a response by decades.
+#[test]
+fn response_of_times_in_another_unit_is_refused() {
+    let folder = folder("readers-units");
+    let trace = |header: &str, time: fn(f64) -> f64| {
+        let row = |i: u32| format!("{},{},{}\n", time(f64::from(i)), i * 7919 % 101, i * 7919 % 103);
+        format!("{header},x,y\n{}", (0..1000).map(row).collect::<String>())
+    };
+    let bode = |file: &str, text: String, codes: &[i32]| {
+        std::fs::write(folder.join(file), text).expect("ours");
+        says(&folder, &["bode", "--from", file, "--input", "x", "--output", "y"], codes).1
+    };
+    for (text, unit) in [
+        (trace("time_ms", |ms| 1.764e18 + ms * 1e6), "nanoseconds"),
+        (trace("time_ms", |ms| 1.764e15 + ms * 1e3), "microseconds"),
+        (trace("time_ms", |ms| 1.764e9 + ms / 1e3), "seconds"),
+        (trace("time_s", |ms| 1.764e12 + ms), "milliseconds"),
+    ] {
+        let errors = bode("other.csv", text, &[2]);
+        assert!(errors.contains(&format!("these times are {unit} since 1970")), "{errors}");
+    }
+    let errors = bode("short.csv", trace("time_ms", |ms| ms / 1e3), &[0, 2]);
+    assert!(errors.contains("check that time_ms has the unit that its name says"), "{errors}");
+    for text in [trace("time_s", |ms| 1.764e9 + ms / 1e3), trace("time_ms", |ms| 1.764e12 + ms)] {
+        let errors = bode("own.csv", text, &[0, 2]);
+        assert!(!errors.contains("unit"), "{errors}");
+    }
 }

@@ -46,6 +46,20 @@ impl Format {
         }
     }
 
+    /// The format of a file, and what to tell its user. What a file begins with counts more than its name; bytes that are no text are of the
+    /// format that the name says, so that the error is about a damaged file of it.
+    #[must_use]
+    pub fn of_file(path: &Path, bytes: &[u8]) -> (Self, Option<String>) {
+        let found = Self::of_bytes(bytes);
+        // A pipe's name says nothing.
+        let Ok(named) = Self::of(path) else { return (found, None) };
+        let is_text = !bytes.is_empty() && bytes.iter().take(512).all(|byte| *byte >= b'\t');
+        if named == found || found == Self::Csv && !is_text {
+            return (named, None);
+        }
+        (found, Some(format!("the name says {named:?}, but the content is {found:?}, and is read as such")))
+    }
+
     /// Opens the bytes of a file.
     ///
     /// # Errors

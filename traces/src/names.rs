@@ -1,7 +1,7 @@
 //! Names and units of the columns of traces. The unit of a column is in its name.
 
 use super::table::{Cell, Column, Source, TableError};
-use crate::input::did_you_mean;
+use crate::input::{did_you_mean, shorten};
 
 /// The column that is first in every trace.
 pub const TIME: &str = "time_ms";
@@ -41,8 +41,31 @@ pub fn unit(name: &str) -> &'static str {
 }
 
 /// Largest magnitude of a number in a trace, and of a time, ms: those since 1970 have 13 digits.
-const LARGEST: f64 = 1e12;
+pub const LARGEST: f64 = 1e12;
 const LATEST: f64 = 1e13;
+
+/// Whether a column is a time: these alone may be larger than [`LARGEST`].
+#[must_use]
+pub fn is_time(name: &str) -> bool {
+    [TIME, "time_s", "t_ms", "t_s"].iter().any(|time| name.eq_ignore_ascii_case(time))
+}
+
+/// The unit that times have although their column's name says another, which has `unit_ms`: those since 1970 tell it by their size. `step` is
+/// the time from the first row to the second: 1e9 ms are seconds since 1970, or milliseconds of a board that runs for twelve days.
+#[must_use]
+pub fn clock_unit(unit_ms: f64, first: f64, step: f64) -> Option<&'static str> {
+    // No board gives 20 rows in a millisecond.
+    const LEAST_STEP: f64 = 0.05;
+    let units = [("seconds", 1e3), ("milliseconds", 1.0), ("microseconds", 1e-3), ("nanoseconds", 1e-6)];
+    // The years 2001 to 2099.
+    let is_date = |ms: f64| (1e12..4.1e12).contains(&ms);
+    units
+        .into_iter()
+        .find(|(_, ms)| {
+            is_date(first * ms) && (*ms < unit_ms || *ms > unit_ms && step > 0.0 && step < LEAST_STEP)
+        })
+        .map(|(name, _)| name)
+}
 
 /// Checks that a table is a trace whose columns have names that are `known`: numbers alone, and times that rise, for each motor.
 ///
@@ -69,15 +92,24 @@ pub fn check(source: &dyn Source, known: &[&str]) -> Result<(), TableError> {
     }
     let motor = heading.columns.iter().position(|column| column.name == MOTOR);
     let mut last: Vec<(Cell, f64)> = Vec::new();
-    let mut row = 0;
+    let (mut row, mut first_ms) = (0, None);
     source.rows(&mut |cells| {
         row += 1;
         let line = source.line(row);
+        let ms = cells.first().and_then(Cell::number);
+        if let (Some(ms), true) = (ms, row <= 2) {
+            let (before, step) = first_ms.map_or((ms, 0.0), |before| (before, ms - before));
+            first_ms = Some(before);
+            if let Some(unit) = clock_unit(1.0, before, step) {
+                let expected = format!("milliseconds: these times are {unit} since 1970");
+                return Err(TableError::place(line, TIME, ms.to_string(), expected));
+            }
+        }
         for (column, cell) in heading.columns.iter().zip(cells) {
             check_cell(line, column, cell)?;
         }
         let of = motor.and_then(|at| cells.get(at)).cloned().unwrap_or(Cell::Absent);
-        let time = cells.first().and_then(Cell::number).unwrap_or_default();
+        let time = ms.unwrap_or_default();
         match last.iter_mut().find(|(motor, _)| *motor == of) {
             None => last.push((of, time)),
             Some((_, before)) if time > *before => *before = time,
@@ -95,17 +127,20 @@ fn check_cell(line: u64, column: &Column, cell: &Cell) -> Result<(), TableError>
     match cell {
         Cell::Absent if column.name == TIME => Err(TableError::place(line, TIME, "nothing", "a time")),
         Cell::Absent => Ok(()),
-        Cell::Text(text) if text.parse::<f64>().is_ok_and(f64::is_finite) => Ok(()),
-        Cell::Text(text) => Err(TableError::place(line, &column.name, text.clone(), "a finite number")),
-        Cell::Float(_) | Cell::Int(_) => {
-            let value = cell.number().unwrap_or_default();
-            let expected = || format!("a number from -{most:e} to {most:e}");
-            if value.abs() <= most {
-                Ok(())
-            } else {
-                Err(TableError::place(line, &column.name, format!("{value:e}"), expected()))
+        _ => match cell.number() {
+            Some(value) if value.abs() <= most => Ok(()),
+            Some(value) => {
+                let expected = format!("a number from -{most:e} to {most:e}");
+                Err(TableError::place(line, &column.name, format!("{value:e}"), expected))
             }
-        }
+            None => {
+                let found = match cell {
+                    Cell::Text(text) => shorten(text),
+                    _ => format!("{cell:?}"),
+                };
+                Err(TableError::place(line, &column.name, found, "a finite number"))
+            }
+        },
     }
 }
 
@@ -122,6 +157,9 @@ mod tests {
     #[test]
     fn other_tables_are_no_traces() {
         assert_eq!(checked("time_ms,motor,bus_v,IMOTOR\n0,1,24,\n0,5,24,3\n1,1,,\n"), Ok(()));
+        for clock in ["1764000000000,1\n1764000000001,1", "1764000000.5,1\n1764000001.5,1"] {
+            assert_eq!(checked(&format!("time_ms,bus_v\n{clock}\n")), Ok(()));
+        }
         for (csv, words) in [
             ("x,y\n", "row 1, column x: found x, expected time_ms"),
             (
@@ -133,10 +171,41 @@ mod tests {
             ("time_ms,bus_v\n0,1\n1,1e300\n", "row 3, column bus_v: found 1e300, expected a number from"),
             ("time_ms,bus_v\n0,1\n0,1\n", "row 3, column time_ms: found 0, expected more than 0"),
             ("time_ms,bus_v\n1,1\n0,1\n", "row 3, column time_ms: found 0, expected more than 1"),
+            ("time_ms,bus_v\n0,1\n1,1\nNA,1\n", "row 4, column time_ms: found NA, expected a finite number"),
+            (
+                "time_ms,bus_v\n2026-11-28T06:00:00Z,1\n",
+                "row 2, column time_ms: found 2026-11-28T06:00:00Z, expected a finite number",
+            ),
+            (
+                "time_ms,bus_v\n1764000000000000,1\n",
+                "row 2, column time_ms: found 1764000000000000, expected milliseconds: these times are microseconds",
+            ),
+            ("time_ms,bus_v\n1764000000000000000,1\n", "these times are nanoseconds"),
+            (
+                "time_ms,bus_v\n1764000000.001,1\n1764000000.002,1\n",
+                "row 3, column time_ms: found 1764000000.002, expected milliseconds: these times are seconds",
+            ),
             ("time_ms,bus_v\n,1\n", "row 2, column time_ms: found nothing, expected a time"),
         ] {
             let error = checked(csv).expect_err(csv);
             assert!(error.contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn unit_of_a_clock_is_known_by_its_size() {
+        for (unit_ms, first, step, want) in [
+            (1.0, 0.0, 1.0, None),
+            (1.0, 1.764e12, 1.0, None),
+            (1.0, 1.764e9, 1.0, None),
+            (1.0, 1.764e9, 0.001, Some("seconds")),
+            (1.0, 1.764e15, 1000.0, Some("microseconds")),
+            (1.0, 1.764e18, 1e6, Some("nanoseconds")),
+            (1000.0, 1.764e9, 0.001, None),
+            (1000.0, 1.764e12, 1.0, Some("milliseconds")),
+            (1000.0, 1.764e15, 1000.0, Some("microseconds")),
+        ] {
+            assert_eq!(clock_unit(unit_ms, first, step), want, "{first} of {unit_ms} ms");
         }
     }
 }

@@ -1,27 +1,34 @@
 //! A table in memory as numbers by column, for those that reckon with it, whatever its file's format. Its errors name the place in the file.
 
 use super::input::{BadInput, did_you_mean, shorten};
-use super::table::{Cell, Source, TableError};
+use super::names::{LARGEST, is_time};
+use super::table::{Cell, Source, TableError, check_size};
 
 /// A table as numbers.
 #[derive(Clone, Debug)]
 pub struct Numbers {
     place: String,
     header_line: Option<u64>,
-    columns: Vec<Column>,
+    columns: Vec<Values>,
     /// Where each row is found.
     lines: Vec<u64>,
     facts: Vec<(String, String)>,
 }
 
 #[derive(Clone, Debug)]
-struct Column {
+struct Values {
     name: String,
-    /// NaN: no number.
+    /// NaN: an empty cell. Infinite: something else than a finite number.
     values: Vec<f64>,
-    /// The first cell that has something else: its row and what it says.
-    odd: Option<(usize, String)>,
+    /// What is there instead in the first such cells, with their rows.
+    odd: Vec<(usize, String)>,
 }
+
+/// Latest time of a column of times: nanoseconds since 1970, in the year 2286.
+const LATEST_NS: f64 = 1e19;
+
+/// Cells whose text is kept for an error. A column of notes, which nobody needs as numbers, has one in each row.
+const MOST_ODD: usize = 1000;
 
 impl Numbers {
     /// Reads all rows of the file `place`.
@@ -30,7 +37,7 @@ impl Numbers {
     /// Those of the source; two columns with one name.
     pub fn read(place: &str, source: &dyn Source) -> Result<Self, BadInput> {
         let heading = source.heading();
-        let column = |name: &str| Column { name: name.to_owned(), values: Vec::new(), odd: None };
+        let column = |name: &str| Values { name: name.to_owned(), values: Vec::new(), odd: Vec::new() };
         let mut numbers = Self {
             place: place.to_owned(),
             header_line: source.header_line(),
@@ -50,6 +57,7 @@ impl Numbers {
         let mut row = 0;
         let done = source.rows(&mut |cells| {
             row += 1;
+            check_size(cells.len(), row)?;
             numbers.push(source.line(row), cells);
             Ok(())
         });
@@ -61,16 +69,21 @@ impl Numbers {
         let row = self.lines.len();
         self.lines.push(line);
         for (column, cell) in self.columns.iter_mut().zip(cells) {
-            column.values.push(match cell {
-                Cell::Float(_) | Cell::Int(_) | Cell::Absent => cell.number().unwrap_or(f64::NAN),
-                Cell::Text(text) => match text.parse::<f64>() {
-                    Ok(value) if value.is_finite() => value,
-                    _ => {
-                        column.odd.get_or_insert_with(|| (row, text.clone()));
-                        f64::NAN
+            let value = match (cell, cell.number()) {
+                (Cell::Absent, _) => f64::NAN,
+                (_, Some(value)) => value,
+                (other, None) => {
+                    if column.odd.len() < MOST_ODD {
+                        let text = match other {
+                            Cell::Text(text) => format!("{:?}", shorten(text)),
+                            _ => "no finite number".to_owned(),
+                        };
+                        column.odd.push((row, text));
                     }
-                },
-            });
+                    f64::INFINITY
+                }
+            };
+            column.values.push(value);
         }
     }
 
@@ -139,14 +152,22 @@ impl Numbers {
     /// A cell's number; `None` if it is empty.
     ///
     /// # Errors
-    /// Something else is there.
+    /// Something else is there, or a number that is too large for anything but a time.
     pub fn maybe(&self, row: usize, column: usize) -> Result<Option<f64>, BadInput> {
         let Some(of) = self.columns.get(column) else { return Ok(None) };
-        let value = of.values.get(row).copied().filter(|value| value.is_finite());
-        match &of.odd {
-            Some((odd, _)) if *odd == row => Err(self.bad(row, column, "no number", "a number")),
-            _ => Ok(value),
+        let Some(value) = of.values.get(row).copied().filter(|value| !value.is_nan()) else {
+            return Ok(None);
+        };
+        if value.is_infinite() {
+            return Err(self.bad(row, column, "no number", "a number"));
         }
+        // Times say by their size what unit they have: `clock_unit`.
+        let most = if is_time(&of.name) { LATEST_NS } else { LARGEST };
+        if value.abs() > most {
+            let expected = format!("a number from -{most:e} to {most:e}");
+            return Err(self.bad(row, column, "out of range", &expected));
+        }
+        Ok(Some(value))
     }
 
     /// A cell's number.
@@ -162,12 +183,16 @@ impl Numbers {
     pub fn bad(&self, row: usize, column: usize, problem: &str, expected: &str) -> BadInput {
         let line = self.lines.get(row).copied().unwrap_or_default();
         let of = self.columns.get(column);
-        let odd = of.and_then(|of| of.odd.as_ref()).filter(|(at, _)| *at == row);
-        let value = of.and_then(|of| of.values.get(row)).filter(|value| value.is_finite());
-        let found = match (odd, value) {
-            (Some((_, text)), _) => format!("{:?}", shorten(text)),
-            (None, Some(value)) => value.to_string(),
-            (None, None) => "nothing".to_owned(),
+        let odd = of.and_then(|of| of.odd.iter().find(|(at, _)| *at == row));
+        let found = match (odd, of.and_then(|of| of.values.get(row))) {
+            (Some((_, text)), _) => text.clone(),
+            (None, Some(value)) if value.is_infinite() => {
+                let first = of.and_then(|of| of.odd.first()).map_or("text", |(_, text)| text);
+                format!("no finite number; the first such cell has {first}")
+            }
+            (None, Some(value)) if value.abs() > 1e15 => format!("{value:e}"),
+            (None, Some(value)) if value.is_finite() => value.to_string(),
+            _ => "nothing".to_owned(),
         };
         BadInput::new(format!("{}:{line}", self.place), format!("{}: {problem}", self.name(column)))
             .found(found)
@@ -191,6 +216,10 @@ pub fn bad(place: &str, error: TableError) -> BadInput {
             .found(error.to_string())
             .expected("a file that can be read, or a place that can be written")
             .next("check the path, its rights and the free space"),
+        TableError::Input(line, bad) => BadInput {
+            place: line.map_or_else(|| place.to_owned(), |line| format!("{place}:{line}")),
+            ..*bad
+        },
         TableError::File(found) => BadInput::new(place, "the file is no trace, or truncated or damaged")
             .found(found)
             .expected(expected)
@@ -202,5 +231,26 @@ pub fn bad(place: &str, error: TableError) -> BadInput {
         .found(found)
         .expected(expected)
         .next("correct the file, or make it again"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_cell_without_a_number_is_an_error_wherever_it_stands() {
+        let csv = "time_ms,x,y\n0,a,1\n1,2,1e300\n2,NaN,3\n3,,4\n";
+        let source = crate::csv::Reader::new(csv.into()).expect("a table");
+        let numbers = Numbers::read("a.csv", &source).expect("a table");
+        for (row, column, words) in [
+            (0, 1, "a.csv:2: x: no number\n  found:    \"a\""),
+            (2, 1, "a.csv:4: x: no number\n  found:    \"NaN\""),
+            (1, 2, "a.csv:3: y: out of range\n  found:    1e300"),
+        ] {
+            let error = numbers.maybe(row, column).expect_err(words).to_string();
+            assert!(error.starts_with(words), "{error}");
+        }
+        assert_eq!((numbers.maybe(1, 1), numbers.maybe(3, 1)), (Ok(Some(2.0)), Ok(None)));
     }
 }

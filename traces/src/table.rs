@@ -5,6 +5,17 @@
 use std::fmt;
 use std::io;
 
+use super::input::BadInput;
+
+/// Most columns of a table: more are a file with other separators than its header, and each takes memory.
+pub const MOST_COLUMNS: usize = 10_000;
+
+/// Most rows of a table: 18 hours at 1 kHz.
+pub const MOST_ROWS: u64 = 1 << 26;
+
+/// Most cells of a table: those of a gigabyte of CSV, and 4 GiB in memory. A few bytes of Parquet can claim more.
+pub const MOST_CELLS: u64 = 1 << 29;
+
 /// What the cells of a column are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -84,14 +95,16 @@ pub enum Cell {
 }
 
 impl Cell {
-    /// Its number, if it has one.
+    /// Its number, if it has a finite one. A column of text may hold some.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
-        match self {
+        let value = match self {
             Self::Float(value) => Some(*value),
             Self::Int(value) => Some(*value as f64),
-            Self::Absent | Self::Text(_) => None,
-        }
+            Self::Text(text) => text.parse().ok(),
+            Self::Absent => None,
+        };
+        value.filter(|value| value.is_finite())
     }
 }
 
@@ -137,12 +150,45 @@ pub enum TableError {
         /// What was expected.
         expected: String,
     },
+    /// A problem with its next step, in a line of the file or in the file as a whole. Its place is empty: a reader of bytes knows no file.
+    Input(Option<u64>, Box<BadInput>),
 }
 
 impl TableError {
     /// A cell that does not belong there.
     pub fn place(row: u64, column: &str, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::Place { row, column: column.to_owned(), found: found.into(), expected: expected.into() }
+    }
+
+    /// A problem with its next step; `line` is `None` for the file as a whole.
+    pub fn input(
+        line: Option<u64>,
+        problem: &str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        next: impl Into<String>,
+    ) -> Self {
+        Self::Input(line, Box::new(BadInput::new("", problem).found(found).expected(expected).next(next)))
+    }
+}
+
+/// Checks a table's size before memory is spent on it.
+///
+/// # Errors
+/// More than [`MOST_COLUMNS`], [`MOST_ROWS`] or [`MOST_CELLS`].
+pub fn check_size(columns: usize, rows: u64) -> Result<(), TableError> {
+    let too_large = |found: String, expected: String| {
+        Err(TableError::input(None, "the table is too large", found, expected, "give a part of it"))
+    };
+    let wide = u64::try_from(columns).unwrap_or(u64::MAX);
+    if columns > MOST_COLUMNS {
+        too_large(format!("{columns} columns"), format!("{MOST_COLUMNS} columns at most"))
+    } else if rows > MOST_ROWS {
+        too_large(format!("{rows} rows"), format!("{MOST_ROWS} rows at most"))
+    } else if wide.saturating_mul(rows) > MOST_CELLS {
+        too_large(format!("{rows} rows of {columns} columns"), format!("{MOST_CELLS} cells at most"))
+    } else {
+        Ok(())
     }
 }
 
@@ -153,6 +199,13 @@ impl fmt::Display for TableError {
             Self::File(problem) => f.write_str(problem),
             Self::Place { row, column, found, expected } => {
                 write!(f, "row {row}, column {column}: found {found}, expected {expected}")
+            }
+            Self::Input(line, bad) => {
+                let BadInput { problem, found, expected, next, .. } = bad.as_ref();
+                if let Some(line) = line {
+                    write!(f, "line {line}: ")?;
+                }
+                write!(f, "{problem}: found {found}, expected {expected}; {next}")
             }
         }
     }

@@ -89,10 +89,19 @@ pub fn tracks(source: &dyn Source) -> Result<Vec<Track>, TableError> {
     let names: Vec<String> = source.heading().columns.iter().map(|column| column.name.clone()).collect();
     let motor = names.iter().position(|name| name == MOTOR);
     let mut tracks: Vec<Track> = Vec::new();
+    let mut index = 0;
     source.rows(&mut |row| {
+        index += 1;
+        // Programs with one type for all numbers write 4.0.
         let node = match motor.and_then(|at| row.get(at)) {
-            Some(Cell::Int(node)) => Some(*node),
-            _ => None,
+            None | Some(Cell::Absent) => None,
+            Some(cell) => match cell.number().filter(|node| node.fract() == 0.0) {
+                Some(node) => Some(node as i64),
+                None => {
+                    let found = format!("{cell:?}");
+                    return Err(TableError::place(source.line(index), MOTOR, found, "the number of a node"));
+                }
+            },
         };
         let at = tracks.iter().position(|track| track.node == node).unwrap_or_else(|| {
             let columns = names.iter().map(|name| (name.clone(), Vec::new())).collect();

@@ -3,7 +3,7 @@
 use hil_world::rig::halls::CODES;
 use tater_wire::MotorKind;
 use traces::input::BadInput;
-use traces::names::{MOTOR, TIME, UNIT_N_M, UNTRUSTED};
+use traces::names::{MOTOR, TIME, UNIT_N_M, UNTRUSTED, clock_unit};
 use traces::numbers::Numbers;
 
 /// What a recording must have.
@@ -28,6 +28,10 @@ const MOST_INVALID: f64 = 0.01;
 /// hall line makes 2 counts in two of three sectors. Share of rows from which lines are swapped.
 const MOST_ASTRAY: f64 = 1.6;
 const MOST_SWAPPED: f64 = 0.05;
+
+/// Largest bus current, A, and torque, 1/1024 of the motor's peak: several times what a board reports.
+const MOST_A: f64 = 100.0;
+const MOST_TORQUE: f64 = 4096.0;
 
 /// Fewest counts that tell anything of a motor: two electrical revolutions.
 const LEAST_COUNTS: i64 = 12;
@@ -192,9 +196,10 @@ impl<'a> Columns<'a> {
             t_s: ms / 1000.0,
             cell,
             bus_v: self.within(row, self.bus_v, [1.0, 60.0], "1 to 60 V")?,
-            bus_a: self.of.number(row, self.bus_a)?,
+            bus_a: self.within(row, self.bus_a, [-MOST_A, MOST_A], "-100 to 100 A")?,
             duty,
-            torque_n_m: self.of.number(row, self.torque)? * UNIT_N_M,
+            torque_n_m: self.within(row, self.torque, [-MOST_TORQUE, MOST_TORQUE], "-4096 to 4096")?
+                * UNIT_N_M,
             is_driven,
             is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
             housing_c,
@@ -203,6 +208,11 @@ impl<'a> Columns<'a> {
 
     fn check_time(&self, row: usize, before: Option<(usize, f64)>) -> Result<f64, BadInput> {
         let ms = self.of.number(row, self.time)?;
+        let step = before.map_or(0.0, |(_, before_ms)| ms - before_ms);
+        if let Some(unit) = clock_unit(1.0, ms, step) {
+            let expected = format!("milliseconds: these times are {unit} since 1970");
+            return Err(self.of.bad(row, self.time, "times in another unit", &expected));
+        }
         let Some((_, before_ms)) = before else { return Ok(ms) };
         if ms <= before_ms {
             let expected = format!("more than {before_ms}: rows sorted by time_ms, each time once");
@@ -452,6 +462,9 @@ mod tests {
             (with(0, &HEADER.replace("torque_per_1024", "torque")), "t.csv:1", "no column torque_per_1024"),
             (without_current, "t.csv", "bus_a never changes"),
             (too_hot, "t.csv:2", "thermistor_c: out of range"),
+            (with(3, "2,2,24.0,1e300,20.0,1,200"), "t.csv:4", "bus_a: out of range"),
+            (with(3, "2,2,24.0,0.1,20.0,1,9000"), "t.csv:4", "torque_per_1024: out of range"),
+            (with(3, "1764000000000000,2,24.0,0.1,20.0,1,200"), "t.csv:4", "time_ms: times in another unit"),
             (with(3, "2,2,24.0,0.1"), "t.csv:4", "4 columns"),
             (with(3, "0,2,24.0,0.1,20.0,1,200"), "t.csv:4", "time_ms: does not rise"),
             (gap, "t.csv:51", "a gap of 21.0 ms"),
