@@ -27,6 +27,13 @@ impl From<McapError> for TableError {
     fn from(error: McapError) -> Self {
         match error {
             McapError::Io(error) => Self::Io(error),
+            McapError::UnsupportedCompression(found) => Self::input(
+                None,
+                "the file has a compression that is not read",
+                found,
+                "chunks that are not compressed",
+                "unpack it: mcap decompress IN -o OUT",
+            ),
             other => Self::File(other.to_string()),
         }
     }
@@ -236,8 +243,15 @@ impl Reader {
         let summary = if is_appended { None } else { Summary::read(&bytes)? };
         let indexes = summary.map(|summary| summary.metadata_indexes).unwrap_or_default();
         let record = |name: &str| {
-            let none =
-                || TableError::File(format!("has no metadata record {name}: it is no trace of hil-sim"));
+            let none = || {
+                TableError::input(
+                    None,
+                    "the file is no trace of hil-sim",
+                    format!("no metadata record {name}"),
+                    "the layout of docs/traces.md, as of `hil-sim log` and `convert`",
+                    "write its messages as CSV, with the columns of docs/traces.md",
+                )
+            };
             if is_appended {
                 return appended(&bytes, name).ok_or_else(none);
             }

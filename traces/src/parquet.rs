@@ -1,4 +1,5 @@
-//! Tables in Apache Parquet files: columns of 64-bit floats, 64-bit integers and text, gzipped.
+//! Tables in Apache Parquet files. A [`Writer`] writes columns of 64-bit floats, 64-bit integers and text, gzipped. The [`Reader`] takes those
+//! of data tools as well: other integers and floats, booleans and times, snappy, and the index of a data frame. The other compressions are C code.
 //!
 //! The file's key-value metadata is the heading's, then `units` and `decimals`, each a JSON object by column. The same rows give the
 //! same bytes: the file names no time and no version. A writer keeps one row group. A truncated file is an error; the crate beneath may
@@ -9,18 +10,21 @@ use std::io::Write;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use parquet::basic::{Compression, ConvertedType, GzipLevel, LogicalType, Repetition, Type as Physical};
+use parquet::basic::{
+    Compression, ConvertedType, GzipLevel, LogicalType, Repetition, TimeUnit, Type as Physical,
+};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::column::writer::ColumnWriterImpl;
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
+use parquet::file::metadata::{KeyValue, ParquetMetaData};
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::{Type, TypePtr};
 
-use super::table::{Cell, Column, Heading, Kind, Sink, Source, TableError, check};
+use super::names::unit as unit_of;
+use super::table::{Cell, Column, Heading, Kind, Sink, Source, TableError, check, check_size};
 
 /// Rows of a row group: 13 MB of a table with 100 columns of numbers.
 pub const GROUP_ROWS: usize = 16_384;
@@ -207,19 +211,30 @@ fn schema(columns: &[Column]) -> Result<TypePtr, ParquetError> {
     Ok(Arc::new(Type::group_type_builder("table").with_fields(fields).build()?))
 }
 
-/// Reads a table from a Parquet file.
+/// What the index of a data frame without a name is called.
+const UNNAMED_INDEX: &str = "__index_level_";
+
+/// Facts of data frames about themselves, which say nothing of the table.
+const PANDAS: &str = "pandas";
+const ARROW: &str = "ARROW:schema";
+
+/// Reads a table from a Parquet file, of this writer or of another program.
 pub struct Reader {
     file: SerializedFileReader<Bytes>,
     heading: Heading,
+    /// Place in the file and values of each column.
+    fields: Vec<(usize, Values)>,
+    notes: Vec<String>,
 }
 
 impl Reader {
     /// Reads the end of a file, which describes it.
     ///
     /// # Errors
-    /// Bytes that are no Parquet file, or one with other columns than floats of 64 bits, integers of 64 bits and text.
+    /// Bytes that are no Parquet file, one with other columns than numbers, times and text, or with a compression other than snappy and gzip.
     pub fn new(bytes: Vec<u8>) -> Result<Self, TableError> {
         let file = SerializedFileReader::new(Bytes::from(bytes))?;
+        check_groups(file.metadata())?;
         let footer = file.metadata().file_metadata();
         let mut facts: Vec<(String, String)> = Vec::new();
         for fact in footer.key_value_metadata().into_iter().flatten() {
@@ -227,20 +242,34 @@ impl Reader {
         }
         let units: BTreeMap<String, String> = taken(&mut facts, UNITS)?;
         let decimals: BTreeMap<String, u8> = taken(&mut facts, DECIMALS)?;
+        let frame = Frame::new(&facts);
+        facts.retain(|(key, _)| ![PANDAS, ARROW].contains(&key.as_str()));
         let mut columns = Vec::new();
-        for field in footer.schema().get_fields() {
-            let mut column = described(field)?;
-            column.unit = units.get(&column.name).cloned().unwrap_or_default();
+        let mut notes = Vec::new();
+        for (place, field) in footer.schema().get_fields().iter().enumerate() {
+            if field.name().starts_with(UNNAMED_INDEX) {
+                notes.push("an index without a name is left out".to_owned());
+                continue;
+            }
+            let (mut column, values) = described(field, &frame)?;
+            if let Some(unit) = units.get(&column.name) {
+                column.unit.clone_from(unit);
+            }
             column.decimals = decimals.get(&column.name).copied();
-            columns.push(column);
+            columns.push((column, (place, values)));
         }
-        Ok(Self { file, heading: Heading { columns, metadata: facts } })
+        // A data frame's index is first, but Parquet has it last.
+        columns.sort_by_key(|(column, _)| !frame.index.contains(&column.name));
+        let (columns, fields) = columns.into_iter().unzip();
+        Ok(Self { file, heading: Heading { columns, metadata: facts }, fields, notes })
     }
 
     fn batches<'a>(&'a self, group: &dyn RowGroupReader) -> Result<Vec<Batches<'a>>, TableError> {
-        let columns = self.heading.columns.iter().enumerate();
+        let columns = self.heading.columns.iter().zip(&self.fields);
         columns
-            .map(|(index, column)| Ok(Batches { column, reader: group.get_column_reader(index)? }))
+            .map(|(column, (place, values))| {
+                Ok(Batches { column, values: *values, reader: group.get_column_reader(*place)? })
+            })
             .collect()
     }
 }
@@ -251,13 +280,14 @@ impl Source for Reader {
     }
 
     fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
+        let mut row = 0;
         for index in 0..self.file.num_row_groups() {
             let group = self.file.get_row_group(index)?;
             let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
             let mut columns = self.batches(group.as_ref())?;
             while left > 0 {
                 let count = left.min(BATCH_ROWS);
-                let batches = columns.iter_mut().map(|column| column.read(count));
+                let batches = columns.iter_mut().map(|column| column.read(count, row));
                 let batches = batches.collect::<Result<Vec<_>, TableError>>()?;
                 let mut batches: Vec<_> = batches.into_iter().map(Vec::into_iter).collect();
                 for _ in 0..count {
@@ -265,10 +295,37 @@ impl Source for Reader {
                     sink(&row)?;
                 }
                 left -= count;
+                row += count as u64;
             }
         }
         Ok(())
     }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+}
+
+/// Checks sizes and compressions before anything is unpacked: a few bytes can claim a million rows.
+fn check_groups(file: &ParquetMetaData) -> Result<(), TableError> {
+    let columns = file.file_metadata().schema().get_fields().len();
+    let rows = file.row_groups().iter().map(|group| u64::try_from(group.num_rows()).unwrap_or(0));
+    check_size(columns, rows.fold(0, u64::saturating_add))?;
+    for chunk in file.row_groups().iter().flat_map(|group| group.columns()) {
+        let name = match chunk.compression() {
+            Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) => continue,
+            // The level, which a file does not have.
+            other => format!("{other:?}").split('(').next().unwrap_or_default().to_lowercase(),
+        };
+        return Err(TableError::input(
+            None,
+            "the file has a compression that is not read",
+            name,
+            "snappy, gzip or none",
+            "write it again, such as with pandas: pandas.read_parquet(\"IN\").to_parquet(\"OUT\", compression=\"snappy\")",
+        ));
+    }
+    Ok(())
 }
 
 /// Takes one of this module's own facts out of the file's.
@@ -281,40 +338,127 @@ fn taken<T: serde::de::DeserializeOwned>(
     serde_json::from_str(&json).map_err(|error| TableError::File(format!("metadata {key}: {error}")))
 }
 
-fn described(field: &Type) -> Result<Column, TableError> {
+/// What a data frame says of itself.
+#[derive(Default)]
+struct Frame {
+    index: Vec<String>,
+    /// Columns of time spans. Their type in the file is that of integers.
+    spans: Vec<String>,
+}
+
+impl Frame {
+    fn new(facts: &[(String, String)]) -> Self {
+        let json = facts.iter().find(|(key, _)| key == PANDAS).map(|(_, json)| json.as_str());
+        let own: serde_json::Value =
+            json.and_then(|json| serde_json::from_str(json).ok()).unwrap_or_default();
+        let list = |key: &str| own.get(key).and_then(|list| list.as_array()).into_iter().flatten();
+        let text = |value: &serde_json::Value| value.as_str().map(str::to_owned);
+        let is_span = |column: &&serde_json::Value| {
+            let kind = column.get("numpy_type").and_then(|kind| kind.as_str());
+            kind.is_some_and(|kind| kind.starts_with("timedelta"))
+        };
+        Self {
+            index: list("index_columns").filter_map(text).collect(),
+            spans: list("columns").filter(is_span).filter_map(|column| text(column.get("name")?)).collect(),
+        }
+    }
+}
+
+/// How the values of a column become cells.
+#[derive(Clone, Copy)]
+enum Values {
+    AsTheyAre,
+    /// Integers without a sign, which the file has in the bits of those with one.
+    Unsigned,
+    /// Times since 1970: so many make one of the column's unit.
+    Times(i64),
+}
+
+fn described(field: &Type, frame: &Frame) -> Result<(Column, Values), TableError> {
     let name = field.name();
-    let wrong = |found: &str| {
-        TableError::File(format!("column {name} is {found}; a table has doubles, 64-bit integers and text"))
+    let wrong = |found: String| {
+        let next = format!("leave column {name} out, or write it as floating point");
+        let expected = "integers, floating point of 32 or 64 bits, booleans, times or text";
+        TableError::input(None, &format!("column {name} has a type that is not read"), found, expected, next)
     };
     if !field.is_primitive() || field.get_basic_info().repetition() == Repetition::REPEATED {
-        return Err(wrong("a list or a group"));
+        return Err(wrong("a list or a group".to_owned()));
+    }
+    if frame.spans.iter().any(|span| span == name) {
+        return Err(wrong("spans of time, in a unit that the file does not say".to_owned()));
     }
     let info = field.get_basic_info();
-    let is_text =
-        info.logical_type_ref() == Some(&LogicalType::String) || info.converted_type() == ConvertedType::UTF8;
-    let kind = match field.get_physical_type() {
-        Physical::DOUBLE => Kind::Float,
-        Physical::INT64 if info.logical_type_ref().is_none() => Kind::Int,
-        Physical::BYTE_ARRAY if is_text => Kind::Text,
-        other => return Err(wrong(&format!("{other}"))),
+    let logical = info.logical_type_ref();
+    let is_text = logical == Some(&LogicalType::String) || info.converted_type() == ConvertedType::UTF8;
+    let values = match logical {
+        Some(LogicalType::Integer(of)) if !of.is_signed => Values::Unsigned,
+        Some(LogicalType::Timestamp(of)) => {
+            let per_ms = match of.unit {
+                TimeUnit::MILLIS => 1,
+                TimeUnit::MICROS => 1_000,
+                TimeUnit::NANOS => 1_000_000,
+            };
+            Values::Times(if unit_of(name) == "s" { 1000 * per_ms } else { per_ms })
+        }
+        _ => Values::AsTheyAre,
     };
-    let column = Column::new(name, "", kind);
-    Ok(if info.repetition() == Repetition::OPTIONAL { column.nullable() } else { column })
+    let kind = match (field.get_physical_type(), logical) {
+        (Physical::DOUBLE | Physical::FLOAT, None) => Kind::Float,
+        (Physical::INT64, Some(LogicalType::Timestamp(_))) => Kind::Float,
+        (Physical::INT64 | Physical::INT32, None | Some(LogicalType::Integer(_))) => Kind::Int,
+        // A column of nothing but absent cells.
+        (Physical::INT32, Some(LogicalType::Unknown)) => Kind::Int,
+        (Physical::BOOLEAN, None) => Kind::Int,
+        (Physical::BYTE_ARRAY, _) if is_text => Kind::Text,
+        (other, None) => return Err(wrong(format!("{other}"))),
+        (other, Some(logical)) => return Err(wrong(format!("{logical:?} in {other}"))),
+    };
+    let is_ms = matches!(values, Values::Times(_)) && unit_of(name).is_empty();
+    let column = Column::new(name, if is_ms { "ms" } else { "" }, kind);
+    Ok((if info.repetition() == Repetition::OPTIONAL { column.nullable() } else { column }, values))
 }
 
 /// A column of a row group.
 struct Batches<'a> {
     column: &'a Column,
+    values: Values,
     reader: ColumnReader,
 }
 
 impl Batches<'_> {
-    /// The next `count` cells.
-    fn read(&mut self, count: usize) -> Result<Vec<Cell>, TableError> {
-        let Self { column, reader } = self;
+    /// The next `count` cells, after so many rows.
+    fn read(&mut self, count: usize, before: u64) -> Result<Vec<Cell>, TableError> {
+        let Self { column, values, reader } = self;
+        let values = *values;
+        let unsigned = |value: i64| {
+            let expected = "an integer up to 2^63";
+            let row = before + 1;
+            u64::try_from(value).map(|_| Cell::Int(value)).map_err(|_| {
+                TableError::place(row, &column.name, "a larger one in this row or soon after", expected)
+            })
+        };
         match reader {
             ColumnReader::DoubleColumnReader(reader) => cells(column, reader, count, |v| Ok(Cell::Float(v))),
-            ColumnReader::Int64ColumnReader(reader) => cells(column, reader, count, |v| Ok(Cell::Int(v))),
+            // The shortest number that is this one in 32 bits: 24.1, not 24.100000381.
+            ColumnReader::FloatColumnReader(reader) => cells(column, reader, count, |v: f32| {
+                Ok(Cell::Float(v.to_string().parse().unwrap_or_else(|_| f64::from(v))))
+            }),
+            ColumnReader::Int64ColumnReader(reader) => cells(column, reader, count, |v| match values {
+                Values::AsTheyAre => Ok(Cell::Int(v)),
+                Values::Unsigned => unsigned(v),
+                // In two parts: nanoseconds since 1970 are more than a double counts.
+                Values::Times(per_unit) => {
+                    let rest = v.rem_euclid(per_unit) as f64 / per_unit as f64;
+                    Ok(Cell::Float(v.div_euclid(per_unit) as f64 + rest))
+                }
+            }),
+            ColumnReader::Int32ColumnReader(reader) => cells(column, reader, count, |v: i32| match values {
+                Values::Unsigned => Ok(Cell::Int(i64::from(v.cast_unsigned()))),
+                Values::AsTheyAre | Values::Times(_) => Ok(Cell::Int(i64::from(v))),
+            }),
+            ColumnReader::BoolColumnReader(reader) => {
+                cells(column, reader, count, |v| Ok(Cell::Int(i64::from(v))))
+            }
             ColumnReader::ByteArrayColumnReader(reader) => cells(column, reader, count, |v: ByteArray| {
                 v.as_utf8().map(Cell::from).map_err(TableError::from)
             }),
