@@ -3,9 +3,13 @@
 use std::io::Write;
 use std::path::Path;
 
+use super::csv;
 use super::input::BadInput;
+#[cfg(feature = "mcap")]
+use super::mcap;
+#[cfg(feature = "parquet")]
+use super::parquet;
 use super::table::{Heading, Sink, Source, TableError};
-use super::{csv, mcap, parquet};
 
 /// A format of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +71,12 @@ impl Format {
     pub fn source(self, bytes: Vec<u8>) -> Result<Box<dyn Source>, TableError> {
         Ok(match self {
             Self::Csv => Box::new(csv::Reader::new(bytes)?),
+            #[cfg(feature = "mcap")]
             Self::Mcap => Box::new(mcap::Reader::new(bytes)?),
+            #[cfg(feature = "parquet")]
             Self::Parquet => Box::new(parquet::Reader::new(bytes)?),
+            #[cfg(not(all(feature = "mcap", feature = "parquet")))]
+            other => return Err(other.left_out()),
         })
     }
 
@@ -83,8 +91,12 @@ impl Format {
     ) -> Result<Box<dyn Sink + 'a>, TableError> {
         Ok(match self {
             Self::Csv => Box::new(csv::Writer::new(out, heading)?),
+            #[cfg(feature = "mcap")]
             Self::Mcap => Box::new(mcap::Writer::new(out, heading)?),
+            #[cfg(feature = "parquet")]
             Self::Parquet => Box::new(parquet::Writer::new(out, heading)?),
+            #[cfg(not(all(feature = "mcap", feature = "parquet")))]
+            other => return Err(other.left_out()),
         })
     }
 
@@ -99,8 +111,37 @@ impl Format {
         heading: &Heading,
     ) -> Result<Box<dyn Sink + 'a>, TableError> {
         Ok(match self {
+            #[cfg(feature = "mcap")]
             Self::Mcap => Box::new(mcap::Appender::new(out, heading)?),
-            Self::Csv | Self::Parquet => self.sink(out, heading)?,
+            _ => self.sink(out, heading)?,
         })
+    }
+
+    /// The error about a format whose feature this program was built without.
+    #[cfg(not(all(feature = "mcap", feature = "parquet")))]
+    fn left_out(self) -> TableError {
+        TableError::input(
+            None,
+            "this program was built without the file's format",
+            format!("{self:?}"),
+            "CSV",
+            "bring it to CSV: hil-sim convert IN OUT.csv",
+        )
+    }
+}
+
+#[cfg(all(test, not(any(feature = "mcap", feature = "parquet"))))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn format_without_its_feature_is_refused() {
+        for (format, bytes) in [(Format::Mcap, &b"\x89MCAP"[..]), (Format::Parquet, b"PAR1")] {
+            assert_eq!(Format::of_bytes(bytes), format);
+            let error = format.source(bytes.to_vec()).map(|_| ()).expect_err("left out").to_string();
+            assert!(error.contains("built without") && error.contains("hil-sim convert"), "{error}");
+            let error = format.sink(Vec::new(), &Heading::default()).map(|_| ()).expect_err("left out");
+            assert!(error.to_string().contains(&format!("found {format:?}")), "{error}");
+        }
     }
 }

@@ -229,6 +229,8 @@ fn tests() -> Outcome {
     let text = timed_tests(1)?;
     // Their harness is rustdoc's own, which gives no times.
     run(program("cargo test --quiet --workspace --doc"))?;
+    // The workspace turns the formats of traces on.
+    run(program("cargo test --quiet --package traces --no-default-features"))?;
     print!("{}", slowest(&text));
     let marked =
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
