@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::output::{COMMIT, Part, SWEEP, replace_file};
-use hil_tuning::sweep::{Column, Kind, Sweep, fields, head, shard_of};
+use hil_tuning::sweep::{ResultColumn, Sweep, fields, head, shard_of};
 use traces::input::BadInput;
 use traces::parquet::Writer;
-use traces::table::{self, Cell, Heading, Sink, TableError};
+use traces::table::{Cell, Column, Heading, Kind, Sink, TableError};
 
 pub const CSV: &str = "results.csv";
 const PARQUET: &str = "results.parquet";
@@ -50,7 +50,7 @@ pub struct Header {
     pub version: String,
     pub file: String,
     pub scenarios: Vec<Text>,
-    pub columns: Vec<Column>,
+    pub columns: Vec<ResultColumn>,
 }
 
 /// A scenario of a sweep.
@@ -120,14 +120,8 @@ impl Header {
 
     /// Columns and facts of the Parquet file.
     fn heading(&self) -> Heading {
-        let columns = self.columns.iter().map(|column| {
-            let kind = match column.kind {
-                Kind::Whole => table::Kind::Int,
-                Kind::Number => table::Kind::Float,
-                Kind::Text => table::Kind::Text,
-            };
-            table::Column::new(&column.name, &column.unit, kind).nullable()
-        });
+        let columns =
+            self.columns.iter().map(|column| Column::new(&column.name, &column.unit, column.kind).nullable());
         let facts = [
             ("runs", self.runs.to_string()),
             ("sweep", self.sweep.clone()),
@@ -142,10 +136,10 @@ impl Header {
 
     /// An upper estimate of the bytes of its table in both forms.
     pub fn estimate_bytes(&self) -> u128 {
-        let cell = |column: &Column| match column.kind {
-            Kind::Whole => 18,
+        let cell = |column: &ResultColumn| match column.kind {
+            Kind::Int => 18,
             // Up to 17 digits, sign, point and comma; 8 bytes in Parquet.
-            Kind::Number => 20 + 8,
+            Kind::Float => 20 + 8,
             Kind::Text => 16,
         };
         let line: u128 = self.columns.iter().map(cell).sum::<u128>() + self.commit.len() as u128;
@@ -311,7 +305,7 @@ fn read_line<'a>(lines: &mut impl BufRead, line: &'a mut Vec<u8>) -> io::Result<
 }
 
 /// Whether a line is that of a run, with all its cells.
-fn is_run(line: &str, index: u64, columns: &[Column]) -> bool {
+fn is_run(line: &str, index: u64, columns: &[ResultColumn]) -> bool {
     line.split_once(',').is_some_and(|(first, _)| first == index.to_string())
         && cells(line, columns).is_some()
 }
@@ -496,11 +490,11 @@ fn parquet(csv: &Path, to: &Path, header: &Header) -> Result<Part, BadInput> {
 }
 
 /// The cells of a line; `None` where one is not of its column.
-fn cells(line: &str, columns: &[Column]) -> Option<Vec<Cell>> {
-    let cell = |(text, column): (String, &Column)| match column.kind {
+fn cells(line: &str, columns: &[ResultColumn]) -> Option<Vec<Cell>> {
+    let cell = |(text, column): (String, &ResultColumn)| match column.kind {
         _ if text.is_empty() => Some(Cell::Absent),
-        Kind::Whole => text.parse().ok().map(Cell::Int),
-        Kind::Number => text.parse().ok().map(Cell::Float),
+        Kind::Int => text.parse().ok().map(Cell::Int),
+        Kind::Float => text.parse().ok().map(Cell::Float),
         Kind::Text => Some(Cell::Text(text)),
     };
     let fields = fields(line.trim_end_matches('\n'))?;

@@ -10,8 +10,8 @@ use hil_world::node::Sample;
 /// Row limit; longer runs keep every n-th tick.
 const MAX_ROWS: u32 = 20_000;
 
-/// A column of the trace.
-pub struct Column {
+/// What a run records of a tick, as a column of its trace.
+pub struct Signal {
     /// Name in the CSV; ends in the unit.
     pub name: &'static str,
     /// Digits after the point in the CSV.
@@ -22,8 +22,8 @@ pub struct Column {
 macro_rules! columns {
     ($($name:ident $decimals:literal $get:expr;)*) => {
         /// The columns, in order.
-        pub const COLUMNS: &[Column] =
-            &[$(Column { name: stringify!($name), decimals: $decimals, get: $get }),*];
+        pub const COLUMNS: &[Signal] =
+            &[$(Signal { name: stringify!($name), decimals: $decimals, get: $get }),*];
     };
 }
 

@@ -15,7 +15,7 @@ mod table;
 pub use draw::digest;
 pub use execute::{Flow, execute};
 pub use report::Report;
-pub use table::{Column, Kind, fields, head};
+pub use table::{ResultColumn, fields, head};
 
 use draw::Stream;
 use hil_experiment::report::model_name;

@@ -3,8 +3,9 @@
 //! Takes the table row by row and keeps a part of it. The bytes depend on the table alone.
 
 use super::Sweep;
-use super::table::{Column, Kind};
+use super::table::ResultColumn;
 use charts::{Chart, Explore, Field, Series, Sheet, escape};
+use traces::table::Kind;
 
 /// Most rows that are drawn: more points hide each other.
 pub const MOST_SHOWN: u64 = 5000;
@@ -83,10 +84,10 @@ pub struct Report {
 impl Report {
     /// A report without rows, of a table of `runs` rows.
     #[must_use]
-    pub fn new(columns: &[Column], runs: u64) -> Self {
+    pub fn new(columns: &[ResultColumn], runs: u64) -> Self {
         let numbers = columns.iter().enumerate().filter(|(at, column)| {
             // The first columns are about the run; of those the number is an axis of its own.
-            *at == 0 || column.kind == Kind::Number
+            *at == 0 || column.kind == Kind::Float
         });
         let numbers = numbers.map(|(at, column)| {
             let is_axis = at == 0 || column.name.contains('.');

@@ -5,47 +5,50 @@ use hil_experiment::metrics::{METRICS, Value};
 use hil_experiment::run::Outcome;
 use serde::{Deserialize, Serialize};
 use traces::input::BadInput;
+use traces::table::Kind;
 
-/// A column.
+/// A column of the results, as `sweep.json` describes it. Its cells may be empty where a run has no such value, but not those about the run itself.
+/// Integers are 0 to 2^63 − 1; a number is the shortest text that reads back as the same 64 bits.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Column {
+pub struct ResultColumn {
     /// Its name, unique.
     pub name: String,
     /// Its unit; empty for words and plain numbers.
     pub unit: String,
     /// What its cells are.
+    #[serde(with = "KindByName")]
     pub kind: Kind,
     /// Its meaning.
     pub about: String,
 }
 
-/// What the cells of a column are. Any cell but those of the columns about the run itself may be empty: there is no such value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// A whole number, 0 to 2^63 − 1.
-    Whole,
-    /// A number: the shortest text that reads back as the same 64 bits.
-    Number,
-    /// A text.
+/// [`Kind`] by the names of `sweep.json`.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Kind")]
+enum KindByName {
+    #[serde(rename = "number")]
+    Float,
+    #[serde(rename = "whole")]
+    Int,
+    #[serde(rename = "text")]
     Text,
 }
 
 impl Sweep {
     /// The columns: those about the run, the parameters, the metrics.
     #[must_use]
-    pub fn columns(&self) -> Vec<Column> {
-        let column = |name: &str, unit: &str, kind, about: &str| Column {
+    pub fn columns(&self) -> Vec<ResultColumn> {
+        let column = |name: &str, unit: &str, kind, about: &str| ResultColumn {
             name: name.to_owned(),
             unit: unit.to_owned(),
             kind,
             about: about.to_owned(),
         };
         let mut columns = vec![
-            column("index", "", Kind::Whole, "number of the run in the sweep"),
-            column("passed", "", Kind::Whole, "1 if the scenario's expectations were met"),
+            column("index", "", Kind::Int, "number of the run in the sweep"),
+            column("passed", "", Kind::Int, "1 if the scenario's expectations were met"),
             column("error", "", Kind::Text, "why the run could not be made"),
-            column("seed", "", Kind::Whole, "seed of noise and scatter"),
+            column("seed", "", Kind::Int, "seed of noise and scatter"),
             column("commit", "", Kind::Text, "commit of hil-sim"),
             column("scenario", "", Kind::Text, "name in the sweep"),
         ];
@@ -57,10 +60,10 @@ impl Sweep {
                 "rig" => "figure of the sensors",
                 _ => "figure of the supply",
             };
-            column(&axis.column(), unit, Kind::Number, about)
+            column(&axis.column(), unit, Kind::Float, about)
         }));
         columns.extend(METRICS.iter().map(|metric| {
-            let kind = if metric.is_word() { Kind::Text } else { Kind::Number };
+            let kind = if metric.is_word() { Kind::Text } else { Kind::Float };
             column(metric.name, metric.unit(), kind, metric.about)
         }));
         columns
@@ -110,7 +113,7 @@ fn push(line: &mut String, cell: &str) {
 
 /// The first line of the CSV, with its line end.
 #[must_use]
-pub fn head(columns: &[Column]) -> String {
+pub fn head(columns: &[ResultColumn]) -> String {
     let mut line = String::new();
     columns.iter().for_each(|column| push(&mut line, &column.name));
     line.remove(0);
