@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What decides the result of a run.
-const SOURCES: [&str; 14] = [
+const SOURCES: [&str; 15] = [
     "hil-sim/src",
     "hil-sim/world/src",
     "hil-sim/experiment/src",
@@ -15,6 +15,7 @@ const SOURCES: [&str; 14] = [
     "hil-sim/tuning/src",
     "hil-sim/scenarios",
     "hil-sim/grasps",
+    "programs/src",
     "commission/src",
     "traces/src",
     "god/src",

@@ -6,8 +6,8 @@ use std::time::Duration;
 use tater_wire::Frame;
 use wraptor::{Bus, CallError, ConnectError, Health};
 
-use super::interrupt;
 use commission::excite;
+use programs::interrupt;
 use traces::input::BadInput;
 
 /// Real time since the program started.

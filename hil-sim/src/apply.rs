@@ -10,12 +10,13 @@ use serde_json::{Value, json};
 use tater_wire::{MotorKind, Node as Id, Property};
 
 use super::adapter::open;
-use super::interrupt;
-use super::output::{print, warn};
+use super::output::print;
 use super::undo::{Adapter, Kept, Undo, path_of};
 use commission::apply::{Board, Broken, Present, State, compare, meet, write};
 use commission::excite::{Failure, Link};
 use hil_tuning::tuned::{Motor, Tuned};
+use programs::interrupt;
+use programs::output::warn;
 use traces::input::BadInput;
 
 /// Largest file: one of three motors with every property has 6 KiB.

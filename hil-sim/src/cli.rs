@@ -20,10 +20,9 @@ use super::export::{self, ExportArgs};
 use super::figures::Figures;
 use super::gcl::{self, GclArgs};
 use super::identify::{self, IdentifyArgs};
-use super::interrupt;
 use super::log::{self, LogArgs};
 use super::margins::{self, MarginsArgs};
-use super::output::{COMMIT, is_same_file, print, replace_file, warn, write_folder};
+use super::output::{COMMIT, is_same_file, print, write_folder};
 use super::page;
 use super::serve::{self, BusArgs, HandArgs};
 use super::sweep::{self, MergeArgs, SweepArgs};
@@ -38,6 +37,9 @@ use hil_experiment::run::{Options, Outcome, run as simulate};
 use hil_experiment::scenario::{FIGURES, SHIPPED, Scenario};
 use hil_experiment::trace::{Trace, write_csv};
 use hil_world::plant::Model;
+use programs::files;
+use programs::interrupt;
+use programs::output::warn;
 use traces::input::BadInput;
 
 /// Period of the sign of life.
@@ -324,7 +326,7 @@ fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     }
     let mut csv = Vec::new();
     let replayed = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
-    replace_file(&args.csv, &csv).map_err(|e| {
+    files::replace(&args.csv, &csv).map_err(|e| {
         BadInput::new(format!("--csv {}", args.csv.display()), "cannot be written")
             .found(e.to_string())
             .expected("a file in an existing folder")

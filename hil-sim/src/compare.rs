@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::open;
-use super::output::{is_same_file, print, replace_file, warn};
+use super::output::{is_same_file, print};
 use hil_tuning::compare::{Comparison, MOST, Recording, Row, compare as side_by_side, tracks};
+use programs::files;
+use programs::output::warn;
 use traces::input::BadInput;
 use traces::numbers::bad;
 
@@ -133,7 +135,7 @@ fn write(out: &Path, inputs: &[PathBuf], comparison: &Comparison) -> Result<(), 
         let found = format!("a file of {}", input.display());
         return Err(error("the page would overwrite an input", found, "a file of its own"));
     }
-    replace_file(out, comparison.html().as_bytes())
+    files::replace(out, comparison.html().as_bytes())
         .map_err(|e| error("cannot be written", e.to_string(), "a file in an existing folder"))
 }
 

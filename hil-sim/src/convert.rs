@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::open;
-use super::output::{is_same_file, replace_file};
+use super::output::is_same_file;
+use programs::files;
 use traces::csv;
 use traces::format::Format;
 use traces::input::BadInput;
@@ -79,7 +80,7 @@ fn copy(source: &dyn Source, input: &Path, output: &Path, format: Format) -> Res
     source.rows(&mut |row| sink.row(row)).map_err(|error| bad(&place(input), error))?;
     sink.finish().map_err(|error| bad(&place(output), error))?;
     drop(sink);
-    replace_file(output, &bytes).map_err(|error| bad(&place(output), TableError::Io(error)))
+    files::replace(output, &bytes).map_err(|error| bad(&place(output), TableError::Io(error)))
 }
 
 #[cfg(test)]

@@ -10,12 +10,13 @@ use super::adapter::open;
 use super::convert;
 use super::figures::Figures;
 use super::identify::MotorName;
-use super::interrupt;
-use super::output::{check_file, print, warn};
+use super::output::{check_file, print};
 use super::simulated::Simulated;
 use commission::excite::{Failure, Link, csv, excite as run};
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
+use programs::interrupt;
+use programs::output::warn;
 use traces::format::Format;
 use traces::input::BadInput;
 

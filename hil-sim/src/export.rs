@@ -3,8 +3,9 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use super::output::{is_same_file, print, replace_file};
+use super::output::{is_same_file, print};
 use hil_tuning::tuned::Tuned;
+use programs::files;
 use traces::input::BadInput;
 
 #[derive(clap::Args)]
@@ -41,7 +42,7 @@ pub fn export(args: &ExportArgs) -> Result<(), Box<dyn Error>> {
             "choose another path",
         )));
     }
-    replace_file(&args.to, tuned.text().as_bytes()).map_err(|error| {
+    files::replace(&args.to, tuned.text().as_bytes()).map_err(|error| {
         unwritten("cannot be written", error.to_string(), "choose another path or free space")
     })?;
     let lines: Vec<String> = tuned

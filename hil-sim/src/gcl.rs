@@ -9,13 +9,15 @@ use god::io::ABORT;
 use serde::Serialize;
 
 use super::lines::Lines;
-use super::output::{print, replace_file, warn};
+use super::output::print;
 use hil_experiment::events::{self, Event};
 use hil_experiment::typist::{NoPrompt, Reply, Typist};
 use hil_experiment::{grasp, picture};
 use hil_world::hand::Hand;
 use hil_world::hand::scene::Scene;
 use hil_world::plant::Model;
+use programs::files;
+use programs::output::warn;
 use traces::input::BadInput;
 
 /// Most lines with --json, whose object holds all replies: a day of typing, and under a gigabyte of the longest answers.
@@ -82,7 +84,7 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
     }
     if let Some(path) = &args.report {
         let svg = picture::svg(&scene, &start_pose, &typist.hand().pose(), &title(args));
-        replace_file(path, svg.as_bytes()).map_err(|error| {
+        files::replace(path, svg.as_bytes()).map_err(|error| {
             BadInput::new(format!("--report {}", path.display()), "cannot be written")
                 .found(error.to_string())
                 .expected("a file in an existing folder")

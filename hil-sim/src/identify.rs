@@ -8,9 +8,10 @@ use serde_json::{Map, Value, json};
 use tater_wire::MotorKind;
 
 use super::open;
-use super::output::{print, warn, write_folder};
+use super::output::{print, write_folder};
 use charts::{Chart, Series, Sheet, escape};
 use hil_tuning::identify::{Estimate, Identified, Recording, identify as fit};
+use programs::output::warn;
 use traces::input::BadInput;
 
 #[derive(clap::Args)]

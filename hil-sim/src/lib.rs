@@ -14,7 +14,6 @@ mod export;
 mod figures;
 mod gcl;
 mod identify;
-mod interrupt;
 mod lines;
 mod log;
 mod margins;

@@ -14,8 +14,9 @@ use tater_wire::{Destination, Message, Node, Property};
 
 use super::adapter::{self, Clock, Link};
 use super::convert::Pending;
-use super::interrupt;
-use super::output::{check_file, warn};
+use super::output::check_file;
+use programs::interrupt;
+use programs::output::warn;
 use traces::format::Format;
 use traces::input::BadInput;
 use traces::names::{RECORDED_BY, TIME, UNTRUSTED, unit};

@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use serde_json::{Map, Value};
 
 use super::open;
-use super::output::{print, warn};
+use super::output::print;
 use hil_tuning::frf;
 use hil_tuning::response::{FEWEST, Margins, Response, ResponseError};
+use programs::output::warn;
 use traces::input::{BadInput, shorten};
 use traces::names::TIME;
 use traces::numbers::Numbers;

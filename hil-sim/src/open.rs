@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use tater_wire::property::ROWS;
 
-use super::output::warn;
 use hil_experiment::trace::COLUMNS;
+use programs::output::warn;
 use traces::format::Format;
 use traces::input::BadInput;
 use traces::names::{self, MOTOR, UNTRUSTED};

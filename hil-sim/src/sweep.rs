@@ -9,12 +9,13 @@ use std::time::Duration;
 use clap::value_parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::interrupt;
-use super::output::{COMMIT, print, quoted, warn};
+use super::output::{COMMIT, print, quoted};
 use super::sweep_folder::{Header, Shard, Table, Tally, failed, free_bytes, merge as merge_folders};
 use super::sweep_report;
 use hil_experiment::scenario::{SHIPPED, Scenario};
 use hil_tuning::sweep::{Flow, Sweep, execute};
+use programs::interrupt;
+use programs::output::warn;
 use traces::input::BadInput;
 
 /// Longest sweep file, bytes.

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::output::{COMMIT, Part, SWEEP, replace_file};
+use super::output::{COMMIT, SWEEP};
 use hil_tuning::sweep::{ResultColumn, Sweep, fields, head, shard_of};
+use programs::files::{self, Part};
 use traces::input::BadInput;
 use traces::parquet::Writer;
 use traces::table::{Cell, Column, Heading, Kind, Sink, TableError};
@@ -225,7 +226,7 @@ impl Table {
             Err(TryLockError::Error(e)) => return Err(failed(&path, &e)),
         }
         let json = folder.join(SWEEP);
-        replace_file(&json, &header.bytes()).map_err(|e| failed(&json, &e))?;
+        files::replace(&json, &header.bytes()).map_err(|e| failed(&json, &e))?;
         Self::after_last_line(file, folder, header).map_err(|e| failed(&path, &e))
     }
 
@@ -358,7 +359,7 @@ fn merge_into(out: &Path, shards: &[(&Path, Header)], whole: &Header) -> Result<
     let parquet = parquet(part.path(), &parquet_path, whole)?;
     let renamed = part.rename().and_then(|()| parquet.rename());
     renamed.map_err(|e| failed(out, &e))?;
-    replace_file(&json, &whole.bytes()).map_err(|e| failed(&json, &e))?;
+    files::replace(&json, &whole.bytes()).map_err(|e| failed(&json, &e))?;
     Ok(tally)
 }
 

@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
-use super::output::replace_file;
 use super::sweep_folder::{CSV, Header, failed};
 use hil_tuning::sweep::{Report, Sweep, fields};
+use programs::files;
 use traces::input::BadInput;
 
 /// The page's name.
@@ -27,5 +27,5 @@ pub fn write(folder: &Path, header: &Header) -> Result<(), BadInput> {
         let cells = fields(&line);
         report.row(&cells.ok_or_else(|| failed(&csv, &io::Error::other("the file was changed meanwhile")))?);
     }
-    replace_file(&page, report.html(&sweep, &header.commit).as_bytes()).map_err(|e| failed(&page, &e))
+    files::replace(&page, report.html(&sweep, &header.commit).as_bytes()).map_err(|e| failed(&page, &e))
 }

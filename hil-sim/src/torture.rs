@@ -12,12 +12,14 @@ use clap::builder::PossibleValuesParser;
 use clap::value_parser;
 use serde::Serialize;
 
-use super::interrupt;
-use super::output::{is_same_file, print, replace_file, warn};
+use super::output::{is_same_file, print};
 use hil_torture::invariant::measure::Worst;
 use hil_torture::invariant::promise::PROMISES;
 use hil_torture::report::{replay_line, tables, text};
 use hil_torture::{Case, INVARIANTS, Outcome, Selection, Shrunk, Violation, run, run_with_events, shrink};
+use programs::files;
+use programs::interrupt;
+use programs::output::warn;
 use traces::input::BadInput;
 
 /// Seeds of a run that says neither how many nor how long.
@@ -494,7 +496,7 @@ fn replay(
     }
     let case = args.case(seed).select(selection);
     let (outcome, events) = run_with_events(&case);
-    replace_file(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| {
+    files::replace(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| {
         BadInput::new(format!("--replay {}", path.display()), "cannot be written")
             .found(e.to_string())
             .expected("a file in an existing folder")

@@ -9,8 +9,7 @@ use serde_json::{Value, json};
 use tater_wire::MotorKind;
 
 use super::figures::Figures;
-use super::interrupt;
-use super::output::{COMMIT, check_folder, print, quoted, warn, write_folder};
+use super::output::{COMMIT, check_folder, print, quoted, write_folder};
 use super::tune_report::{self, Drawn};
 use hil_experiment::metrics;
 use hil_experiment::properties::{self, Property};
@@ -20,6 +19,8 @@ use hil_tuning::tune::{
     self, Axis, Broken, Candidate, Ensemble, Envelope, Found, Goal, Judged, LEAST_EDGE, LEAST_PHASE_DEG,
     LoopMargins, MOST_MS, Objective, Progress, Settings, TradeOff,
 };
+use programs::interrupt;
+use programs::output::warn;
 use traces::input::{self, BadInput};
 
 /// Threads that begin at once: far more than any machine has cores.

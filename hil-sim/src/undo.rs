@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tater_wire::{Node as Id, Property};
 
-use super::output::replace_file;
 use commission::apply::{Board, Present};
+use programs::files;
 use traces::input::{self, BadInput};
 
 const FORMAT: u64 = 1;
@@ -201,7 +201,7 @@ impl Undo {
     pub fn save(&self, path: &Path) -> Result<(), BadInput> {
         let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
         let done = match self.boards.is_empty() {
-            false => replace_file(path, text.as_bytes()),
+            false => files::replace(path, text.as_bytes()),
             true => std::fs::remove_file(path).or_else(|error| match error.kind() {
                 ErrorKind::NotFound => Ok(()),
                 _ => Err(error),

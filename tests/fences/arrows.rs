@@ -21,6 +21,7 @@ const LIBRARIES: &[&str] = &[
     "traces",
     "charts",
     "wraptor",
+    "programs",
     "commission",
     "hil-world",
     "hil-experiment",
@@ -30,7 +31,7 @@ const LIBRARIES: &[&str] = &[
     "board-emu",
 ];
 
-const ARROWS: [Arrows; 21] = [
+const ARROWS: [Arrows; 22] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -83,6 +84,8 @@ const ARROWS: [Arrows; 21] = [
     },
     // serde(_json): charts for their program in the page.
     Arrows { package: "charts", ours: &[], others: Some(&["serde", "serde_json"]) },
+    // ctrlc: ^C.
+    Arrows { package: "programs", ours: &[], others: Some(&["ctrlc"]) },
     // Real boards, never the simulator.
     Arrows { package: "commission", ours: &["tater-wire", "traces"], others: Some(&["rand", "rand_pcg"]) },
     // libm: the same bits on every platform. flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
@@ -119,6 +122,7 @@ const ARROWS: [Arrows; 21] = [
             "traces",
             "charts",
             "wraptor",
+            "programs",
             "commission",
             "hil-world",
             "hil-experiment",

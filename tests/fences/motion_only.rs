@@ -226,6 +226,7 @@ fn attributes(source: &Source) -> Vec<Violation> {
         | "hil-sim/tuning/src/lib.rs"
         | "hil-sim/src/lib.rs"
         | "hil-sim/src/main.rs"
+        | "programs/src/lib.rs"
         | "commission/src/lib.rs"
         | "traces/src/lib.rs"
         | "charts/src/lib.rs"
@@ -317,6 +318,7 @@ fn crate_roots_have_their_attributes() {
         "hil-sim/tuning/src/lib.rs",
         "hil-sim/src/lib.rs",
         "hil-sim/src/main.rs",
+        "programs/src/lib.rs",
         "commission/src/lib.rs",
         "traces/src/lib.rs",
         "charts/src/lib.rs",

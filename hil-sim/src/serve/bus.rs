@@ -11,9 +11,10 @@ use super::event::{Clock, EVENTS, Event, NewClient, Protocol, SLICE_US, WAIT};
 use super::pace::Pace;
 use super::tcp::{self, Client, Refusals};
 use super::truth;
-use crate::output::{print, warn};
+use crate::output::print;
 use crate::slcan::Slcan;
 use hil_world::bus::{Adapter, Bus, Station};
+use programs::output::warn;
 
 /// Frames queued in the adapter; further ones stay in the host's socket.
 const QUEUE: usize = 64;

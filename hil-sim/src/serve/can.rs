@@ -17,8 +17,8 @@ mod linux {
 
     use super::super::event::{Event, bad};
     use super::super::tcp::no_thread;
-    use crate::output::warn;
     use crate::thread;
+    use programs::output::warn;
 
     pub struct CanPort {
         socket: Arc<CanSocket>,

@@ -17,8 +17,8 @@ use wraptor::Deadline;
 
 use super::event::bad;
 use super::tcp::no_thread;
-use crate::output::warn;
 use crate::thread;
+use programs::output::warn;
 use traces::input::BadInput;
 
 /// Port of questions.

@@ -30,8 +30,9 @@ use super::pace::Pace;
 use super::pty;
 use super::tcp::{self, Client, Refusals};
 use super::telnet::{Heard, Telnet};
-use crate::output::{print, warn};
+use crate::output::print;
 use crate::state_file::{StateFile, When};
+use programs::output::warn;
 
 const ADDRESS: &str = "127.0.0.1:11001";
 

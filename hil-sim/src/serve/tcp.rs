@@ -15,8 +15,8 @@ use traces::input::BadInput;
 
 use super::event::{Event, NewClient, Protocol, bad};
 use super::link::Link;
-use crate::output::warn;
 use crate::thread;
+use programs::output::warn;
 use wraptor::{Deadline, configure_tcp};
 
 /// Most refused clients whose connections are open; the oldest makes room.

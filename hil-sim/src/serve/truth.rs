@@ -11,9 +11,9 @@ use tater_wire::MotorKind;
 use super::event::{Event, NewClient};
 use super::link::Link;
 use super::tcp::{self, Refusals};
-use crate::output::warn;
 use hil_world::bus::Bus;
 use hil_world::node::Node;
+use programs::output::warn;
 
 /// Maximum number of clients.
 const CLIENTS: usize = 4;

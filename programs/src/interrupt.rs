@@ -1,7 +1,7 @@
 //! ^C (SIGINT), and SIGTERM and SIGHUP alike, in commands that write files or have results before their end.
 //!
 //! Elsewhere ^C ends the program as the system does it. From the first call of a function here, ^C removes the temporary files of
-//! [`output`](super::output) and ends the program with [`CODE`]. After [`finish_first`] the first ^C only sets a flag.
+//! [`files`](super::files) and ends the program with [`CODE`]. After [`finish_first`] the first ^C only sets a flag.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ pub fn interrupted() -> bool {
 ///
 /// # Errors
 /// Those of `make`.
-pub fn temporary<T>(part: &Path, make: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+pub(crate) fn temporary<T>(part: &Path, make: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
     let mut state = state();
     let made = make()?;
     state.parts.push(part.to_owned());
@@ -78,7 +78,7 @@ pub fn temporary<T>(part: &Path, make: impl FnOnce() -> io::Result<T>) -> io::Re
 ///
 /// # Errors
 /// Those of `settle`.
-pub fn settle(part: &Path, settle: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+pub(crate) fn settle(part: &Path, settle: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
     let mut state = state();
     state.parts.retain(|other| other != part);
     settle()
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn interrupt_removes_the_temporary_files() {
-        let part = std::env::temp_dir().join(format!("hil-sim-interrupt-{}", std::process::id()));
+        let part = std::env::temp_dir().join(format!("programs-interrupt-{}", std::process::id()));
         std::fs::write(&part, "half").expect("the temporary folder can be written");
         assert!(State { parts: vec![part.clone()], ..State::NEW }.interrupt());
         assert!(!part.exists());

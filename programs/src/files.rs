@@ -1,0 +1,180 @@
+//! Files replaced atomically, each alone or together with those that it describes.
+
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use super::interrupt;
+
+/// Replaces a file atomically: writes a temporary file beside it and renames it. Keeps symbolic links; writes to pipes and
+/// devices directly.
+///
+/// # Errors
+/// Those of the file system; no temporary file is left behind, by ^C neither.
+pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    Part::write(path, bytes)?.map_or(Ok(()), Part::rename)
+}
+
+/// Replaces files that belong together, of which the last describes the others. An end at any moment (^C, a kill) leaves no old
+/// description with new files, nor the other way round: without all of them there is no description.
+///
+/// # Errors
+/// The file and the reason. No file is changed unless all of them fit on the disk.
+pub fn replace_together(files: &[(&Path, &[u8])]) -> Result<(), (PathBuf, io::Error)> {
+    let mut parts = Vec::new();
+    for (path, bytes) in files {
+        parts.extend(Part::write(path, bytes).map_err(|error| ((*path).to_owned(), error))?);
+    }
+    steps(parts).into_iter().try_for_each(Step::run)
+}
+
+enum Step {
+    Remove(PathBuf),
+    Rename(Part),
+}
+
+fn steps(parts: Vec<Part>) -> Vec<Step> {
+    let description = parts.last().map(|part| Step::Remove(part.target.clone()));
+    description.into_iter().chain(parts.into_iter().map(Step::Rename)).collect()
+}
+
+impl Step {
+    fn run(self) -> Result<(), (PathBuf, io::Error)> {
+        match self {
+            Self::Remove(path) => match fs::remove_file(&path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => Err((path, error)),
+                _ => Ok(()),
+            },
+            Self::Rename(part) => {
+                let target = part.target.clone();
+                part.rename().map_err(|error| (target, error))
+            }
+        }
+    }
+}
+
+/// A temporary file with the bytes of another; removed unless it is renamed.
+pub struct Part {
+    part: PathBuf,
+    target: PathBuf,
+}
+
+impl Part {
+    /// An empty one beside a file that may or may not exist, to be written piece by piece.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn begin(target: &Path) -> io::Result<(Self, File)> {
+        let part = part_of(target)?;
+        let file = interrupt::temporary(&part, || {
+            File::options().read(true).write(true).create_new(true).open(&part)
+        })?;
+        Ok((Self { part, target: target.to_owned() }, file))
+    }
+
+    /// Where its bytes are until then.
+    pub fn path(&self) -> &Path {
+        &self.part
+    }
+
+    /// `None` if the target is no file: the bytes have been written to it.
+    fn write(path: &Path, bytes: &[u8]) -> io::Result<Option<Self>> {
+        let (target, permissions) = match fs::metadata(path) {
+            // A regular file under /dev is a shell's redirection (/dev/stdout), which its owner keeps open.
+            // Renaming would replace it all the same.
+            Ok(meta) if meta.is_file() && meta.permissions().readonly() => {
+                return Err(io::Error::new(
+                    ErrorKind::PermissionDenied,
+                    "the file is read-only; choose another path",
+                ));
+            }
+            Ok(meta) if meta.is_file() && !path.starts_with("/dev") => {
+                (fs::canonicalize(path)?, Some(meta.permissions()))
+            }
+            Err(e) if e.kind() == ErrorKind::NotFound && !path.is_symlink() => (path.to_owned(), None),
+            Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
+            _ => return fs::write(path, bytes).map(|()| None),
+        };
+        let part = part_of(&target)?;
+        // `create_new`: never overwrite, nor remove below, somebody else's file.
+        let file = interrupt::temporary(&part, || File::create_new(&part))?;
+        let written = Self { part, target };
+        write_new(file, bytes, permissions).map(|()| Some(written))
+    }
+
+    /// Replaces the file.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn rename(self) -> io::Result<()> {
+        interrupt::settle(&self.part, || fs::rename(&self.part, &self.target))
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // Already renamed if all went well.
+        let _ = interrupt::settle(&self.part, || fs::remove_file(&self.part));
+    }
+}
+
+fn part_of(target: &Path) -> io::Result<PathBuf> {
+    let name = target
+        .file_name()
+        .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "the path does not end in a file name"))?;
+    Ok(target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id())))
+}
+
+fn write_new(mut file: File, bytes: &[u8], permissions: Option<fs::Permissions>) -> io::Result<()> {
+    if let Some(permissions) = permissions {
+        file.set_permissions(permissions)?;
+    }
+    file.write_all(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn read_only_file_is_kept() {
+        let path = std::env::temp_dir().join(format!("programs-read-only-{}", std::process::id()));
+        fs::write(&path, "old").expect("the temporary folder can be written");
+        let mut permissions = fs::metadata(&path).expect("ours").permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(&path, permissions).expect("ours");
+        let error = Part::write(&path, b"new").map(|_| ()).expect_err("refused");
+        assert_eq!(error.kind(), ErrorKind::PermissionDenied);
+        assert_eq!(fs::read_to_string(&path).expect("ours"), "old");
+        fs::remove_file(&path).expect("ours");
+    }
+
+    /// The program may end after any step.
+    #[test]
+    fn description_is_never_left_with_files_of_another_run() {
+        let folder = std::env::temp_dir().join(format!("programs-files-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("the temporary folder can be written");
+        let [trace, report] = ["trace", "report"].map(|name| folder.join(name));
+        for done in 0..=3 {
+            for path in [&trace, &report] {
+                fs::write(path, "old").expect("ours");
+            }
+            let parts =
+                [&trace, &report].map(|path| Part::write(path, b"new").expect("ours").expect("a file"));
+            let steps = steps(parts.into());
+            assert_eq!(steps.len(), 3);
+            steps.into_iter().take(done).for_each(|step| step.run().expect("ours"));
+            let [trace, report] = [&trace, &report].map(|path| fs::read_to_string(path).ok());
+            let found = (trace.as_deref(), report.as_deref());
+            let expected = match done {
+                0 => (Some("old"), Some("old")),
+                1 => (Some("old"), None),
+                2 => (Some("new"), None),
+                _ => (Some("new"), Some("new")),
+            };
+            assert_eq!(found, expected, "after {done} steps");
+        }
+        fs::remove_dir_all(&folder).expect("ours");
+    }
+}
