@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::{Builder, TempPath};
+
 use super::interrupt;
 
 /// Replaces a file atomically: writes a temporary file beside it and renames it. Keeps symbolic links; writes to pipes and
@@ -53,7 +55,7 @@ impl Step {
     }
 }
 
-/// A temporary file with the bytes of another; removed unless it is renamed.
+/// A temporary file beside another, which it replaces when it is renamed. Dropped before, it is removed.
 pub struct Part {
     part: PathBuf,
     target: PathBuf,
@@ -65,9 +67,14 @@ impl Part {
     /// # Errors
     /// Those of the file system.
     pub fn begin(target: &Path) -> io::Result<(Self, File)> {
-        let part = part_of(target)?;
-        let file = interrupt::temporary(&part, || {
-            File::options().read(true).write(true).create_new(true).open(&part)
+        let name = target
+            .file_name()
+            .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "the path does not end in a file name"))?;
+        let prefix = format!(".{}.", name.to_string_lossy());
+        let folder = target.parent().unwrap_or(Path::new(""));
+        let (file, part) = interrupt::temporary(|| {
+            // The mode that the umask leaves: `tempfile_in` would let nobody but the owner read the result.
+            Builder::new().prefix(&prefix).suffix(".part").make_in(folder, |part| File::create_new(part))
         })?;
         Ok((Self { part, target: target.to_owned() }, file))
     }
@@ -95,11 +102,12 @@ impl Part {
             Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
             _ => return fs::write(path, bytes).map(|()| None),
         };
-        let part = part_of(&target)?;
-        // `create_new`: never overwrite, nor remove below, somebody else's file.
-        let file = interrupt::temporary(&part, || File::create_new(&part))?;
-        let written = Self { part, target };
-        write_new(file, bytes, permissions).map(|()| Some(written))
+        let (part, mut file) = Self::begin(&target)?;
+        if let Some(permissions) = permissions {
+            file.set_permissions(permissions)?;
+        }
+        file.write_all(bytes)?;
+        Ok(Some(part))
     }
 
     /// Replaces the file.
@@ -107,29 +115,14 @@ impl Part {
     /// # Errors
     /// Those of the file system.
     pub fn rename(self) -> io::Result<()> {
-        interrupt::settle(&self.part, || fs::rename(&self.part, &self.target))
+        interrupt::settle(&self.part, |part| part.persist(&self.target).map_err(|failed| failed.error))
     }
 }
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // Already renamed if all went well.
-        let _ = interrupt::settle(&self.part, || fs::remove_file(&self.part));
+        let _ = interrupt::settle(&self.part, TempPath::close);
     }
-}
-
-fn part_of(target: &Path) -> io::Result<PathBuf> {
-    let name = target
-        .file_name()
-        .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "the path does not end in a file name"))?;
-    Ok(target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id())))
-}
-
-fn write_new(mut file: File, bytes: &[u8], permissions: Option<fs::Permissions>) -> io::Result<()> {
-    if let Some(permissions) = permissions {
-        file.set_permissions(permissions)?;
-    }
-    file.write_all(bytes)
 }
 
 #[cfg(test)]
@@ -147,6 +140,23 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::PermissionDenied);
         assert_eq!(fs::read_to_string(&path).expect("ours"), "old");
         fs::remove_file(&path).expect("ours");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn new_file_has_the_mode_of_any_other_and_an_old_one_keeps_its_own() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = std::env::temp_dir().join(format!("programs-mode-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("the temporary folder can be written");
+        let mode = |path: &Path| fs::metadata(path).expect("ours").permissions().mode();
+        let [new, other] = ["new", "other"].map(|name| folder.join(name));
+        fs::write(&other, "").expect("ours");
+        replace(&new, b"1").expect("ours");
+        assert_eq!(mode(&new), mode(&other));
+        fs::set_permissions(&new, fs::Permissions::from_mode(0o640)).expect("ours");
+        replace(&new, b"2").expect("ours");
+        assert_eq!((mode(&new) & 0o777, fs::read(&new).expect("ours")), (0o640, b"2".to_vec()));
+        fs::remove_dir_all(&folder).expect("ours");
     }
 
     /// The program may end after any step.

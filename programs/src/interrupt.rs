@@ -3,16 +3,19 @@
 //! Elsewhere ^C ends the program as the system does it. From the first call of a function here, ^C removes the temporary files of
 //! [`files`](super::files) and ends the program with [`CODE`]. After [`finish_first`] the first ^C only sets a flag.
 
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+
+use tempfile::{NamedTempFile, TempPath};
 
 /// Exit code of a program that ^C ended: 128 and the number of SIGINT, as shells have it.
 pub const CODE: u8 = 130;
 
 struct State {
-    /// Temporary files.
-    parts: Vec<PathBuf>,
+    /// Temporary files; dropping one removes it.
+    parts: Vec<TempPath>,
     /// Whether the first ^C only sets the flag.
     finishes: bool,
     interrupted: bool,
@@ -27,9 +30,7 @@ impl State {
             self.interrupted = true;
             return false;
         }
-        for part in &self.parts {
-            let _ = std::fs::remove_file(part);
-        }
+        self.parts.clear();
         true
     }
 }
@@ -63,25 +64,28 @@ pub fn interrupted() -> bool {
     STATE.lock().unwrap_or_else(PoisonError::into_inner).interrupted
 }
 
-/// Makes a temporary file, which ^C removes until [`settle`].
+/// Makes a temporary file, which ^C removes until [`settle`]. Returns its path too.
 ///
 /// # Errors
 /// Those of `make`.
-pub(crate) fn temporary<T>(part: &Path, make: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+pub(crate) fn temporary(make: impl FnOnce() -> io::Result<NamedTempFile>) -> io::Result<(File, PathBuf)> {
     let mut state = state();
-    let made = make()?;
-    state.parts.push(part.to_owned());
-    Ok(made)
+    let (file, part) = make()?.into_parts();
+    let path = part.to_path_buf();
+    state.parts.push(part);
+    Ok((file, path))
 }
 
-/// Renames or removes a temporary file.
+/// Renames or removes a temporary file; nothing if that was done before.
 ///
 /// # Errors
 /// Those of `settle`.
-pub(crate) fn settle(part: &Path, settle: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+pub(crate) fn settle(part: &Path, settle: impl FnOnce(TempPath) -> io::Result<()>) -> io::Result<()> {
     let mut state = state();
-    state.parts.retain(|other| other != part);
-    settle()
+    match state.parts.iter().position(|other| **other == *part) {
+        Some(at) => settle(state.parts.swap_remove(at)),
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -99,9 +103,9 @@ mod tests {
 
     #[test]
     fn interrupt_removes_the_temporary_files() {
-        let part = std::env::temp_dir().join(format!("programs-interrupt-{}", std::process::id()));
-        std::fs::write(&part, "half").expect("the temporary folder can be written");
-        assert!(State { parts: vec![part.clone()], ..State::NEW }.interrupt());
-        assert!(!part.exists());
+        let (_file, part) = NamedTempFile::new().expect("the temporary folder can be written").into_parts();
+        let path = part.to_path_buf();
+        assert!(path.exists() && State { parts: vec![part], ..State::NEW }.interrupt());
+        assert!(!path.exists());
     }
 }

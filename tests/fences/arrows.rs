@@ -84,8 +84,8 @@ const ARROWS: [Arrows; 22] = [
     },
     // serde(_json): charts for their program in the page.
     Arrows { package: "charts", ours: &[], others: Some(&["serde", "serde_json"]) },
-    // ctrlc: ^C.
-    Arrows { package: "programs", ours: &[], others: Some(&["ctrlc"]) },
+    // ctrlc: ^C. tempfile: names of temporary files.
+    Arrows { package: "programs", ours: &[], others: Some(&["ctrlc", "tempfile"]) },
     // Real boards, never the simulator.
     Arrows { package: "commission", ours: &["tater-wire", "traces"], others: Some(&["rand", "rand_pcg"]) },
     // libm: the same bits on every platform. flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
