@@ -159,6 +159,23 @@ mod tests {
         fs::remove_dir_all(&folder).expect("ours");
     }
 
+    #[test]
+    fn folder_in_the_way_leaves_all_files_unchanged() {
+        let folder = std::env::temp_dir().join(format!("programs-folder-{}", std::process::id()));
+        fs::create_dir_all(folder.join("b")).expect("the temporary folder can be written");
+        let [a, b] = ["a", "b"].map(|name| folder.join(name));
+        fs::write(&a, "old").expect("as before");
+        let (path, _) = replace_together(&[(&a, b"new"), (&b, b"new")]).expect_err("b is a folder");
+        assert_eq!(path, b);
+        assert_eq!(fs::read(&a).expect("it is there"), b"old");
+        assert_eq!(fs::read_dir(&folder).expect("ours").count(), 2, "no part is left behind");
+        fs::remove_dir(&b).expect("ours");
+        replace_together(&[(&a, b"new"), (&b, b"new")]).expect("nothing is in the way");
+        assert_eq!([a, b].map(|path| fs::read(path).expect("written")), [b"new"; 2]);
+        assert_eq!(fs::read_dir(&folder).expect("ours").count(), 2);
+        fs::remove_dir_all(&folder).expect("ours");
+    }
+
     /// The program may end after any step.
     #[test]
     fn description_is_never_left_with_files_of_another_run() {

@@ -159,10 +159,10 @@ const ARROWS: [Arrows; 22] = [
         others: None,
     },
     // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images.
-    // wraptor: downloads. kinematics: robot models. indicatif: progress. object, rustc-demangle: ELF.
+    // wraptor: downloads. kinematics: robot models. programs: atomic files. indicatif: progress. object, rustc-demangle: ELF.
     Arrows {
         package: "xtask",
-        ours: &["tater-wire", "kinematics", "wraptor"],
+        ours: &["tater-wire", "kinematics", "wraptor", "programs"],
         others: Some(&["clap", "indicatif", "object", "rustc-demangle", "serde_json"]),
     },
 ];

@@ -5,8 +5,8 @@
 use std::process::Stdio;
 
 use crate::Failure;
-use crate::outcome::say;
 use crate::program::{program, typed};
+use programs::output::warn;
 
 /// Arguments of `apply`.
 #[derive(clap::Args)]
@@ -22,7 +22,7 @@ pub struct ApplyArgs {
 pub fn apply(args: &ApplyArgs) -> Result<(), Failure> {
     let mut build = program("cargo build --release --package hil-sim --bin hil-sim");
     let line = typed(&build);
-    say(&format!("first hil-sim is built, where it is not up to date, which takes some minutes: {line}"));
+    warn(&format!("first hil-sim is built, where it is not up to date, which takes some minutes: {line}"));
     match build.stdin(Stdio::null()).status() {
         Ok(status) if status.success() => {}
         Ok(status) => return Err(Failure::Unusable(format!("not built: {status}\n  repeat with: {line}"))),

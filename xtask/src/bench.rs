@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use crate::Outcome;
-use crate::outcome::say;
 use crate::program::{output, program, root, run, succeeds, target, typed};
+use programs::output::warn;
 
 /// Twenty seconds of moves: long enough for a clock, short enough to repeat.
 const SPEED_SCENARIO: &str = "xtask/bench-speed.toml";
@@ -75,7 +75,7 @@ fn simulator(line: &str) -> Result<impl Fn(&str) -> Result<f64, String> + use<>,
 /// ticks once and twice; the difference cancels the rest. `null` without valgrind.
 fn tick_instructions() -> Result<Value, String> {
     if !succeeds("valgrind --version") {
-        say(
+        warn(
             "tick_instructions_host is null: valgrind is not installed. Debian, Ubuntu: apt-get install valgrind",
         );
         return Ok(Value::Null);

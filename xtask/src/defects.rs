@@ -18,9 +18,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::program::{in_parallel, root, target};
-use crate::{Failure, files, outcome::say};
+use crate::{Failure, files};
 use board::{Board, progress};
 use list::{Defect, Plant};
+use programs::output::warn;
 use tree::Tree;
 use trial::{Found, PER_LONG, Simulator, Trial};
 
@@ -133,7 +134,7 @@ fn torture(
     let mut failures = in_parallel(&together, |defect| search(defect, &switching, Some(&defect.name), jobs));
     for defect in alone {
         let why = plan.alone.get(&defect.name).copied().unwrap_or_default();
-        say(&format!("{}: {why}, so it gets a build of its own", defect.name));
+        warn(&format!("{}: {why}, so it gets a build of its own", defect.name));
         let Plant::Texts(edits) = &defect.plant else { continue };
         let built = tree::edited(edits)
             .and_then(|texts| Tree::copy(folder, "tree-single", &texts))

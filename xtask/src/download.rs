@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use wraptor::{Boards, Bus, CallError, Connect, ConnectError, DownloadProgress, Firmware, Hand, Node};
 
-use crate::{Failure, files, outcome::say, tek};
+use crate::{Failure, files, tek};
+use programs::output::warn;
 
 /// Limit of a connection.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -125,7 +126,7 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     let mut connected = connected?;
     let header = firmware.header();
     for &node in &args.node.0 {
-        say(&format!(
+        warn(&format!(
             "node {}: version {}, {} bytes; ^C is harmless: the old application stays until the new one is whole",
             node.number(),
             header.version,
@@ -133,7 +134,7 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
         ));
         let begun = Instant::now();
         run(&mut connected, node, &firmware)?;
-        say(&format!(
+        warn(&format!(
             "node {}: version {} runs, after {:.1} s",
             node.number(),
             header.version,
@@ -143,7 +144,7 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     if let Connected::Bus(bus) = &connected
         && bus.health().refusals > 0
     {
-        say(&format!("the adapter refused {} frames; each was sent again", bus.health().refusals));
+        warn(&format!("the adapter refused {} frames; each was sent again", bus.health().refusals));
     }
     Ok(())
 }

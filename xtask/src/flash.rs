@@ -10,7 +10,8 @@ use tater_wire::memory::STORAGE;
 
 use crate::image::{self, Profile};
 use crate::program::{program, run, succeeds, target, typed};
-use crate::{Failure, files, outcome::say};
+use crate::{Failure, files};
+use programs::output::warn;
 
 const CHIP: &str = "STM32F103CB";
 
@@ -83,7 +84,7 @@ pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
     }
     reach(probe(args, "reset"))?;
     let number = args.node.map_or_else(String::new, |node| format!(" as node {node}"));
-    say(&format!("flashed; the board waits in its monitor{number} for SET STAT 2"));
+    warn(&format!("flashed; the board waits in its monitor{number} for SET STAT 2"));
     Ok(())
 }
 
@@ -127,7 +128,7 @@ fn stored(args: &FlashArgs, values: &[String]) -> Result<Option<PathBuf>, Failur
     if bytes == found {
         return Ok(None);
     }
-    say(&format!("the storage as it was is kept in {}", kept.display()));
+    warn(&format!("the storage as it was is kept in {}", kept.display()));
     files::replace(&after, &bytes).map_err(Failure::Unusable)?;
     Ok(Some(after))
 }

@@ -1,9 +1,10 @@
 //! `cargo xtask fresh`: seeds that no run has played before. `ci` plays the same ones each time, because a landing must not depend on
 //! chance (decision 0075); this is run before an issue is resolved, and its seed goes into the note.
 
+use crate::Outcome;
 use crate::fuzz::{self, FuzzArgs, PROPERTY_SEED, new_seed};
 use crate::program::{output, program, run, simulator};
-use crate::{Outcome, outcome::say};
+use programs::output::warn;
 
 /// Packages with property tests.
 const PACKAGES: &str = "--package servo-core --package tater-wire --package tater-fw --package god --package kinematics \
@@ -24,7 +25,7 @@ pub struct FreshArgs {
 /// What a fresh seed breaks, with the command that repeats it.
 pub fn fresh(args: &FreshArgs) -> Outcome {
     let seed = args.seed.unwrap_or_else(new_seed);
-    say(&format!(
+    warn(&format!(
         "seed {seed}; the same run again: cargo xtask fresh --seed {seed} --minutes {}",
         args.minutes
     ));

@@ -42,7 +42,8 @@ mod wheel;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use outcome::{Failure, Outcome, say};
+use outcome::{Failure, Outcome};
+use programs::output::warn;
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", about = "Tools for building, testing and flashing")]
@@ -172,6 +173,6 @@ fn main() -> ExitCode {
         Err(Failure::Judged(message)) => (message, 1),
         Err(Failure::Unusable(message)) => (message, 2),
     };
-    say(&format!("error: {message}"));
+    warn(&format!("error: {message}"));
     ExitCode::from(code)
 }

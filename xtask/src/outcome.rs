@@ -1,6 +1,4 @@
-//! Results of the tools, and what they say on standard error.
-
-use std::io::Write;
+//! Results of the tools.
 
 /// Result of a tool: nothing, or an error text for the user.
 pub type Outcome = Result<(), String>;
@@ -25,9 +23,4 @@ impl From<Failure> for String {
             Failure::Judged(message) | Failure::Unusable(message) => message,
         }
     }
-}
-
-/// Prints a line to standard error; a failure there cannot be reported.
-pub fn say(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
 }

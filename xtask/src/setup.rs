@@ -1,8 +1,8 @@
 //! Installs what the checks need besides cargo.
 
 use crate::Outcome;
-use crate::outcome::say;
 use crate::program::{output, program, run, succeeds};
+use programs::output::warn;
 
 pub const THUMB: &str = "thumbv7m-none-eabi";
 
@@ -56,6 +56,6 @@ fn fetch(what: &str, line: &str) -> Outcome {
              https://rustup.rs and then run `{line}`, or add {what} to this Rust by the means it came by."
         ));
     }
-    say(&format!("{what} is missing: {line}"));
+    warn(&format!("{what} is missing: {line}"));
     run(program(line)).map_err(|error| format!("{what} cannot be installed: {error}"))
 }

@@ -13,9 +13,10 @@ use tater_wire::image::{self, HEADER_BYTES, Header, ImageError};
 use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{self, Dialect, Encoder, Record};
 
-use crate::{Failure, files, outcome::say};
+use crate::{Failure, files};
 pub use memory::ERASED;
 use memory::Memory;
+use programs::output::warn;
 use records::{extent, open, records};
 pub use verify::defect;
 
@@ -112,7 +113,7 @@ fn encode(
             )));
         }
         (Some(error), None) => {
-            say(&format!("warning: {place}: its seal does not fit: {error}; {BROKEN}"));
+            warn(&format!("warning: {place}: its seal does not fit: {error}; {BROKEN}"));
         }
         _ => {}
     }
@@ -132,7 +133,7 @@ fn encode(
     let sealed = header.map_or_else(String::new, |Header { crc, version, .. }| {
         format!(", sealed: version {version}, CRC-32 {crc:#010x}")
     });
-    say(&format!("{}: {}{sealed}", output.display(), extent(&memory)));
+    warn(&format!("{}: {}{sealed}", output.display(), extent(&memory)));
     Ok(())
 }
 
@@ -246,7 +247,7 @@ fn decode(file: &Path, output: &Path, unit: u64) -> Result<(), Failure> {
     files::replace(output, &bytes).map_err(Failure::Unusable)?;
     let entry = start.map_or_else(|| "no entry".to_owned(), |start| format!("entry {start:#010x}"));
     let words = if unit == 1 { String::new() } else { format!(", {unit} bytes at each address") };
-    say(&format!("{}: {} bytes, base {:#010x}, {entry}{words}", output.display(), bytes.len(), base / unit));
+    warn(&format!("{}: {} bytes, base {:#010x}, {entry}{words}", output.display(), bytes.len(), base / unit));
     Ok(())
 }
 
@@ -254,7 +255,7 @@ fn decode(file: &Path, output: &Path, unit: u64) -> Result<(), Failure> {
 fn warn_of_damage(file: &Path, memory: &Memory, base: u64, bytes: &[u8]) {
     let (place, start) = (file.display(), u64::from(APPLICATION.start));
     if base != start && APPLICATION.holds(base, bytes.len() as u64) {
-        say(&format!(
+        warn(&format!(
             "warning: {place}: found a first address of {base:#010x}, expected {start:#010x} of an application: its first record may be \
              lost; compare the file with the original"
         ));
@@ -266,7 +267,7 @@ fn warn_of_damage(file: &Path, memory: &Memory, base: u64, bytes: &[u8]) {
         let gap = gap.map_or_else(String::new, |(end, next)| {
             format!("; no record brings {end:#010x} to {:#010x}", next - 1)
         });
-        say(&format!("warning: {place}: its seal does not fit: {error}{gap}; {BROKEN}"));
+        warn(&format!("warning: {place}: its seal does not fit: {error}{gap}; {BROKEN}"));
     }
 }
 

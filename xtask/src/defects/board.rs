@@ -5,8 +5,9 @@ use std::sync::{Mutex, PoisonError};
 
 use super::list::Defect;
 use super::page::{self, Row, Rows};
+use crate::files;
 use crate::program::root;
-use crate::{files, outcome::say};
+use programs::output::warn;
 
 /// The results so far.
 pub struct Board<'a> {
@@ -59,6 +60,6 @@ impl<'a> Board<'a> {
 /// A line for a person who watches.
 pub fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
-        say(text);
+        warn(text);
     }
 }

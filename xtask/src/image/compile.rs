@@ -10,9 +10,9 @@ use std::process::Command;
 
 use super::Profile;
 use crate::Failure;
-use crate::outcome::say;
 use crate::program::{output, program, run};
 use crate::setup::THUMB;
+use programs::output::warn;
 
 pub struct Linked {
     pub tater: PathBuf,
@@ -44,7 +44,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
     let left_out = left_out();
     if !left_out.is_empty() {
         let names = left_out.join(", ");
-        say(&format!("not used, so that the same commit gives the same image anywhere: {names}"));
+        warn(&format!("not used, so that the same commit gives the same image anywhere: {names}"));
     }
     let flags = flags(checkout, build)?;
     for name in ["monitor", "tater"] {

@@ -8,7 +8,8 @@ use std::path::Path;
 use tater_wire::tek::{Dialect, Reader, Record, TekError, TekErrorKind};
 
 use super::memory::Memory;
-use crate::{Failure, files, outcome::say};
+use crate::{Failure, files};
+use programs::output::warn;
 
 pub fn open(path: &Path) -> Result<BufReader<File>, Failure> {
     File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
@@ -61,7 +62,7 @@ pub fn records(
                 Err(TekError { kind: TekErrorKind::NoEnd, .. })
                     if dialect == Dialect::Gnu && number > 0 && matches!(last_byte, b'\n' | b'\r' | 0x1A) =>
                 {
-                    say(&format!(
+                    warn(&format!(
                         "warning: {place}: found no termination record, expected one after {number} records: srec_cat writes none, and \
                          a file that is cut between two records has none; compare its length with the original"
                     ));
