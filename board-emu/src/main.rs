@@ -2,7 +2,7 @@
 //! it.
 #![forbid(unsafe_code)]
 
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::{IsTerminal, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -117,10 +117,8 @@ fn emulate(args: &Args) -> Result<bool, String> {
         |name: &str| hil_experiment::metrics::find(name).is_none_or(|m| gap(m, args.poll_ms).is_none());
     let told = print::Told { outcome: &outcome, session: &session, gaps: &gaps, wall_s, known: &known };
     let text = if args.json { told.json() } else { told.text() };
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(format!("standard output: {error}")),
-        _ => Ok(outcome.passed()),
-    }
+    programs::output::print(&text).map_err(|error| format!("standard output: {error}"))?;
+    Ok(outcome.passed())
 }
 
 fn probes(elf: Option<&Path>, host: &OverCan<Board>) -> Result<Vec<Probe>, String> {

@@ -1,7 +1,7 @@
 //! ^C (SIGINT), and SIGTERM and SIGHUP alike, in commands that write files or have results before their end.
 //!
 //! Elsewhere ^C ends the program as the system does it. From the first call of a function here, ^C removes the temporary files of
-//! [`files`](super::files) and ends the program with [`CODE`]. After [`finish_first`] the first ^C only sets a flag.
+//! [`files`](super::files) and ends the program with [`CODE`]. After [`finish_first`], and in [`during`], the first ^C only sets a flag.
 
 use std::fs::File;
 use std::io;
@@ -23,6 +23,11 @@ struct State {
 
 impl State {
     const NEW: Self = Self { parts: Vec::new(), finishes: false, interrupted: false };
+
+    /// A call begins that the first ^C does not end.
+    const fn begin(&mut self) {
+        (self.finishes, self.interrupted) = (true, false);
+    }
 
     /// What ^C does. Returns whether the program ends now.
     fn interrupt(&mut self) -> bool {
@@ -59,7 +64,20 @@ pub fn finish_first() {
     state().finishes = true;
 }
 
-/// Whether ^C was pressed since [`finish_first`].
+/// Handles ^C from now on: it ends the program with [`CODE`].
+pub fn handle() {
+    drop(state());
+}
+
+/// Runs a call during which the first ^C only sets the flag of [`interrupted`]. Any other ends the program.
+pub fn during<T>(call: impl FnOnce() -> T) -> T {
+    state().begin();
+    let outcome = call();
+    state().finishes = false;
+    outcome
+}
+
+/// Whether ^C was pressed since [`finish_first`], or during the last call of [`during`].
 pub fn interrupted() -> bool {
     STATE.lock().unwrap_or_else(PoisonError::into_inner).interrupted
 }
@@ -99,6 +117,17 @@ mod tests {
         assert!(state.interrupt());
         let mut plain = State::NEW;
         assert!(plain.interrupt());
+    }
+
+    #[test]
+    fn each_call_has_a_flag_of_its_own_and_none_remains_after_it() {
+        let mut state = State::NEW;
+        for _ in 0..2 {
+            state.begin();
+            assert!(!state.interrupted && !state.interrupt() && state.interrupted);
+            state.finishes = false;
+            assert!(state.interrupted && state.interrupt(), "between two calls");
+        }
     }
 
     #[test]

@@ -139,17 +139,17 @@ const ARROWS: [Arrows; 22] = [
     },
     // The C library.
     Arrows { package: "wraptor-c", ours: &["tater-wire", "wraptor"], others: Some(&[]) },
-    // The terminal program. god: the tables of commands and parameters. rustyline: entries with history and completion. ctrlc: ^C. rustix: keys
+    // The terminal program. god: the tables of commands and parameters. programs: ^C. rustyline: entries with history and completion. rustix: keys
     // one by one, and a terminal for tests.
     Arrows {
         package: "wraptor-cli",
-        ours: &["tater-wire", "god", "wraptor"],
-        others: Some(&["clap", "ctrlc", "rustix", "rustyline", "serde_json"]),
+        ours: &["tater-wire", "god", "wraptor", "programs"],
+        others: Some(&["clap", "rustix", "rustyline", "serde_json"]),
     },
     // board-emu gets the program as bytes: of ours it needs only the simulated world, what runs and torments it, and options of sockets.
     Arrows {
         package: "board-emu",
-        ours: &["tater-wire", "wraptor", "hil-world", "hil-experiment", "hil-torture"],
+        ours: &["tater-wire", "wraptor", "programs", "hil-world", "hil-experiment", "hil-torture"],
         others: None,
     },
     Arrows { package: "system-tests", ours: LIBRARIES, others: None },

@@ -11,7 +11,6 @@ mod case;
 mod make;
 mod memory;
 
-use std::io::Write;
 use std::path::Path;
 
 use board_emu::chip::Chip;
@@ -35,15 +34,9 @@ fn main() -> Result<(), String> {
     while done < steps {
         done += batch(&mut random, &mut bytes)?;
     }
-    write_whole(Path::new(out), &bytes).map_err(|error| format!("{out}: {error}"))?;
+    programs::files::replace(Path::new(out), &bytes).map_err(|error| format!("{out}: {error}"))?;
     println!("{done} instructions");
     Ok(())
-}
-
-fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let part = path.with_extension("part");
-    std::fs::File::create(&part)?.write_all(bytes)?;
-    std::fs::rename(part, path)
 }
 
 /// Returns the number of instructions.

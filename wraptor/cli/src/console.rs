@@ -16,11 +16,11 @@ use wraptor::{
 use crate::drive::drive;
 use crate::entry::{self, Entry, Motion, Way};
 use crate::input::{Input, Next};
-use crate::interrupt::{self, during};
 use crate::output::print;
 use crate::tables;
 use crate::trouble::Trouble;
 use crate::watch::watch;
+use programs::interrupt::{self, during};
 
 /// Limit of a connection.
 pub const CONNECT: Duration = Duration::from_secs(5);
@@ -76,7 +76,7 @@ impl Console {
                 Err(trouble) => self.trouble(trouble)?,
             }
             // The call that ^C was for had just ended.
-            if !self.input.is_typed() && interrupt::pressed() {
+            if !self.input.is_typed() && interrupt::interrupted() {
                 return Ok(interrupt::CODE);
             }
         }
@@ -260,7 +260,7 @@ fn invalid(text: String) -> Trouble {
 }
 
 fn until_interrupted(_: &Progress) -> ControlFlow<()> {
-    match interrupt::pressed() {
+    match interrupt::interrupted() {
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     }
@@ -332,7 +332,7 @@ pub fn download(hand: &mut Hand, nodes: &str, firmware: &Firmware) -> Result<(),
             if is_shown {
                 eprint!("\rnode {node}: {:>3} %", progress.percent());
             }
-            match interrupt::pressed() {
+            match interrupt::interrupted() {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }

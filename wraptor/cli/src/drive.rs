@@ -9,9 +9,9 @@ use god::motors::Prefix;
 use wraptor::{Control, Deadline, Feedback, Format, Hand};
 
 use crate::entry::FASTEST;
-use crate::interrupt;
 use crate::output::print;
 use crate::trouble::Trouble;
+use programs::interrupt;
 
 /// Time between two blocks. A hand stops its motors after 250 ms without one (manual 6).
 const PERIOD: Duration = Duration::from_millis(50);
@@ -156,7 +156,7 @@ pub fn drive(
     }
     let end = Deadline::after(time.unwrap_or(Duration::MAX));
     let mut shown = String::new();
-    while !end.is_over() && !interrupt::pressed() {
+    while !end.is_over() && !interrupt::interrupted() {
         let controls: Vec<Control> =
             dials.velocities.iter().map(|velocity| Control { velocity: *velocity, gain: 0 }).collect();
         let feedback = realtime.exchange(&controls, LIMIT)?;

@@ -5,7 +5,6 @@ mod console;
 mod drive;
 mod entry;
 mod input;
-mod interrupt;
 mod output;
 mod tables;
 mod trouble;
@@ -18,6 +17,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
+use programs::interrupt;
 use wraptor::discovery::{EVERYWHERE, MOST, PORT};
 use wraptor::{Hand, discover};
 

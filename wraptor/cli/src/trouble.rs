@@ -4,7 +4,7 @@ use std::fmt;
 
 use wraptor::{CallError, ConnectError, Failure};
 
-use crate::interrupt;
+use programs::interrupt;
 
 /// What ends a script, and a person is told of.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl Trouble {
     /// 1: the hand or a board reports an error; 2: this program could not do it; 130: ^C.
     pub fn code(&self) -> u8 {
         match self {
-            Self::Call(CallError { failure: Failure::Cancelled, .. }) if interrupt::pressed() => {
+            Self::Call(CallError { failure: Failure::Cancelled, .. }) if interrupt::interrupted() => {
                 interrupt::CODE
             }
             Self::Call(error) | Self::Explained(error, _) => match error.failure {

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use wraptor::{Deadline, Hand, Property};
 
-use crate::interrupt;
 use crate::output::print;
 use crate::trouble::Trouble;
+use programs::interrupt;
 
 /// Time between two readings.
 const INTERVAL: Duration = Duration::from_millis(200);
@@ -37,7 +37,7 @@ pub fn watch(
         print(&format!("{up}{table}"))?;
         // Without a time a person watches until ^C, and a script sees one table.
         let is_over = end.is_over() && (time.is_some() || !is_typed);
-        if is_over || interrupt::pressed() {
+        if is_over || interrupt::interrupted() {
             return Ok(());
         }
         // Reports that arrive meanwhile are kept.
