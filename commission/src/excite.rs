@@ -3,10 +3,14 @@
 //! The board limits torque, current, heat and supply as always. The host keeps the motor within its range (OT to CT), has a deadline for each
 //! wait, and ends in idle with the board's properties as they were, whatever happens.
 
+use std::error::Error;
+use std::fmt;
+
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::{Destination, Frame, Message, MotorKind, Node, Property};
 
+use traces::input::BadInput;
 use traces::names::UNIT_V;
 
 /// What carries frames to a board, and the time.
@@ -29,6 +33,11 @@ pub trait Link {
     /// Whether the user wants to end.
     fn is_interrupted(&self) -> bool;
 
+    /// Frames received damaged so far.
+    fn damaged(&self) -> u64 {
+        0
+    }
+
     /// What it has not carried at the first attempt, for the user.
     fn remark(&self) -> Option<String> {
         None
@@ -49,6 +58,23 @@ impl From<String> for Failure {
         Self::Failed(text)
     }
 }
+
+impl From<BadInput> for Failure {
+    fn from(bad: BadInput) -> Self {
+        Self::Failed(bad.to_string())
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Interrupted => f.write_str("interrupted"),
+            Self::Failed(text) => f.write_str(text),
+        }
+    }
+}
+
+impl Error for Failure {}
 
 /// Time limit of an answer, µs: a board that erases a page answers after 41 ms.
 const ANSWER_US: u64 = 100_000;

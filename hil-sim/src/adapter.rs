@@ -1,16 +1,16 @@
-//! A host's connection to a bus, over SLCAN or a CAN interface: the host library's, with the clock of commands that record. Every wait has a
-//! deadline.
+//! A bus through the host library, over SLCAN or a CAN interface, as a [`Link`] with the clock of its caller. Every wait has a deadline.
 
+use std::fmt;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tater_wire::Frame;
 use wraptor::{Bus, CallError, ConnectError, Health};
 
-use commission::excite;
-use programs::interrupt;
+use commission::excite::Link;
 use traces::input::BadInput;
 
-/// Real time since the program started.
+/// Time since some start, such as the program's.
 pub type Clock<'a> = &'a dyn Fn() -> Duration;
 
 /// Timeout for a connection, an adapter that opens, and a frame that it takes.
@@ -20,116 +20,114 @@ const PATIENCE: Duration = Duration::from_secs(5);
 #[cfg(unix)]
 const BAUD: u32 = 115_200;
 
-/// A connection to a bus.
-pub struct Link {
-    bus: Bus,
-    /// The option that names it.
-    place: String,
+/// An adapter, as on the command line.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Adapter {
+    /// SLCAN: HOST:PORT, or a serial port if it begins with `/`.
+    Slcan(String),
+    /// A CAN interface of Linux.
+    Can(String),
 }
 
-impl Link {
-    /// Opens the adapter that a command line names, at 1 Mbit/s. An SLCAN address that begins with `/` is a serial port.
+impl fmt::Display for Adapter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Slcan(address) => write!(f, "--slcan {address}"),
+            Self::Can(interface) => write!(f, "--can {interface}"),
+        }
+    }
+}
+
+impl Adapter {
+    /// The one of the options `--slcan` and `--can`.
+    ///
+    /// # Errors
+    /// Neither is given.
+    pub fn named(slcan: Option<&str>, can: Option<&str>) -> Result<Self, BadInput> {
+        let slcan = slcan.map(|address| Self::Slcan(address.to_owned()));
+        let adapter = slcan.or_else(|| can.map(|interface| Self::Can(interface.to_owned())));
+        adapter.ok_or_else(|| bad("the bus", "no adapter is named", "neither --slcan nor --can"))
+    }
+
+    /// Opens it at 1 Mbit/s. `interrupted`: whether the user wants to end.
     ///
     /// # Errors
     /// The cause and the next step.
-    pub fn open(slcan: Option<&str>, can: Option<&str>) -> Result<Self, BadInput> {
-        let place = match (slcan, can) {
-            (Some(address), _) => format!("--slcan {address}"),
-            (None, Some(interface)) => format!("--can {interface}"),
-            (None, None) => return Err(bad("the bus", "no adapter is named", "neither --slcan nor --can")),
+    pub fn open<'a>(
+        &self,
+        clock: Clock<'a>,
+        interrupted: &'a dyn Fn() -> bool,
+    ) -> Result<Box<dyn Link + 'a>, BadInput> {
+        let place = self.to_string();
+        let bus = match self {
+            #[cfg(unix)]
+            Self::Slcan(path) if path.starts_with('/') => Bus::slcan_serial(path, BAUD, PATIENCE),
+            Self::Slcan(address) => Bus::slcan(address, PATIENCE),
+            #[cfg(target_os = "linux")]
+            Self::Can(interface) => Bus::can(interface),
+            #[cfg(not(target_os = "linux"))]
+            Self::Can(_) => return Err(bad(&place, "cannot be used", "a system without CAN interfaces")),
         };
         let failed = |error: ConnectError| BadInput {
             next: error.cause.next_step().to_owned(),
             ..bad(&place, "cannot be used", &error.cause.to_string())
         };
-        let bus = match (slcan, can) {
-            #[cfg(unix)]
-            (Some(path), _) if path.starts_with('/') => Bus::slcan_serial(path, BAUD, PATIENCE),
-            (Some(address), _) => Bus::slcan(address, PATIENCE),
-            #[cfg(target_os = "linux")]
-            (None, Some(interface)) => Bus::can(interface),
-            (None, _) => return Err(bad(&place, "cannot be used", "a system without CAN interfaces")),
-        };
-        Ok(Self { bus: bus.map_err(failed)?, place })
+        let bus = bus.map_err(failed)?;
+        Ok(Box::new(Timed { bus, place, clock, interrupted }))
     }
+}
 
-    /// Sends a frame.
-    ///
-    /// # Errors
-    /// The bus is lost.
-    pub fn send(&mut self, frame: &Frame) -> Result<(), BadInput> {
-        self.bus.send(frame, PATIENCE).map_err(|error| self.lost(&error))
-    }
+/// A connection with its clock.
+struct Timed<'a> {
+    bus: Bus,
+    place: String,
+    clock: Clock<'a>,
+    interrupted: &'a dyn Fn() -> bool,
+}
 
-    /// What the adapter has not carried at the first attempt.
-    pub const fn health(&self) -> Health {
-        self.bus.health()
-    }
-
-    /// The next frame; `None` if none comes within the limit. A frame that the adapter keeps refusing is lost: its answer will be missed.
-    ///
-    /// # Errors
-    /// The bus is lost.
-    pub fn receive(&mut self, limit: Duration) -> Result<Option<Frame>, BadInput> {
-        self.bus.receive(limit).map_err(|error| self.lost(&error))
-    }
-
-    fn lost(&self, error: &CallError) -> BadInput {
+impl Timed<'_> {
+    fn lost(&self, error: &CallError) -> String {
         BadInput {
             next: "check its cable and power; a motor that a host drives idles by itself after HOSTMS"
                 .to_owned(),
             ..bad(&self.place, "the adapter is lost", &error.failure.to_string())
         }
+        .to_string()
     }
 }
 
-/// What an adapter has not carried at the first attempt.
-pub fn remark(Health { refusals, damaged }: Health) -> Option<String> {
-    let refused = (refusals > 0).then(|| format!("refused {refusals} frames, each of which was sent again"));
-    let damaged = (damaged > 0).then(|| format!("sent {damaged} damaged lines, which were left out"));
-    let all: Vec<String> = refused.into_iter().chain(damaged).collect();
-    (!all.is_empty()).then(|| format!("note: the adapter {}; check it and its cable", all.join(" and ")))
-}
-
-/// A connection with its clock.
-struct Timed<'a> {
-    link: Link,
-    clock: Clock<'a>,
-}
-
-/// The adapter that a command line names, for commands that record.
-///
-/// # Errors
-/// Those of [`Link::open`].
-pub fn open<'a>(
-    slcan: Option<&str>,
-    can: Option<&str>,
-    clock: Clock<'a>,
-) -> Result<Box<dyn excite::Link + 'a>, BadInput> {
-    Ok(Box::new(Timed { link: Link::open(slcan, can)?, clock }))
-}
-
-impl excite::Link for Timed<'_> {
+impl Link for Timed<'_> {
     fn now_us(&self) -> u64 {
         u64::try_from((self.clock)().as_micros()).unwrap_or(u64::MAX)
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), String> {
-        self.link.send(frame).map_err(|lost| lost.to_string())
+        self.bus.send(frame, PATIENCE).map_err(|error| self.lost(&error))
     }
 
+    /// A frame that the adapter keeps refusing is lost: its answer will be missed.
     fn receive(&mut self, until_us: u64) -> Result<Option<(u64, Frame)>, String> {
         let limit = Duration::from_micros(until_us).saturating_sub((self.clock)());
-        let frame = self.link.receive(limit).map_err(|lost| lost.to_string())?;
+        let frame = self.bus.receive(limit).map_err(|error| self.lost(&error))?;
         Ok(frame.map(|frame| (self.now_us(), frame)))
     }
 
     fn is_interrupted(&self) -> bool {
-        interrupt::interrupted()
+        (self.interrupted)()
+    }
+
+    fn damaged(&self) -> u64 {
+        self.bus.health().damaged
     }
 
     fn remark(&self) -> Option<String> {
-        remark(self.link.health())
+        let Health { refusals, damaged } = self.bus.health();
+        let refused =
+            (refusals > 0).then(|| format!("refused {refusals} frames, each of which was sent again"));
+        let damaged = (damaged > 0).then(|| format!("sent {damaged} damaged lines, which were left out"));
+        let all: Vec<String> = refused.into_iter().chain(damaged).collect();
+        (!all.is_empty()).then(|| format!("note: the adapter {}; check it and its cable", all.join(" and ")))
     }
 }
 

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tater_wire::{MotorKind, Node as Id, Property};
+use tater_wire::{MotorKind, Node as Id};
 
-use super::adapter::open;
+use super::adapter::Adapter;
 use super::output::print;
-use super::undo::{Adapter, Kept, Undo, path_of};
-use commission::apply::{Board, Broken, Present, State, compare, meet, write};
-use commission::excite::{Failure, Link};
+use super::undo::{Kept, Undo, path_of, read_boards, write_back, write_kept};
+use commission::apply::{Board, Broken, Present, State};
+use commission::excite::Failure;
 use hil_tuning::tuned::{Motor, Tuned};
 use programs::interrupt;
 use programs::output::warn;
@@ -57,45 +57,23 @@ pub fn apply(args: &ApplyArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box
     let path = path_of(&args.file);
     let done = if args.undo { take_back(args, &path, clock) } else { put(args, &path, clock) };
     match done {
-        Err(Stop::Interrupted) => {
+        Err(Failure::Interrupted) => {
             warn("interrupted: nothing was written");
             Ok(false)
         }
-        Err(Stop::Bad(error)) => Err(error),
+        Err(failed) => Err(failed.into()),
         Ok(is_done) => Ok(is_done),
     }
 }
 
-/// Why nothing was written.
-enum Stop {
-    Interrupted,
-    Bad(Box<dyn Error>),
-}
-
-impl From<Failure> for Stop {
-    fn from(failure: Failure) -> Self {
-        match failure {
-            Failure::Interrupted => Self::Interrupted,
-            Failure::Failed(text) => Self::Bad(text.into()),
-        }
-    }
-}
-
-impl From<BadInput> for Stop {
-    fn from(bad: BadInput) -> Self {
-        Self::Bad(bad.into())
-    }
-}
-
-fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Stop> {
+fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Failure> {
     let tuned = Tuned::parse(&args.file.display().to_string(), &read(&args.file)?)?;
-    let adapter =
-        adapter(args).ok_or_else(|| Stop::Bad("found no adapter, expected --slcan or --can".into()))?;
+    let adapter = adapter(args)?;
     let nodes = nodes(args, &tuned);
     let before = Undo::load(path)?;
-    let mut link = connect(&adapter, clock)?;
+    let mut link = adapter.open(clock, &interrupt::interrupted)?;
     let values = |present: &Present| Ok(motor_of(args, &tuned, present)?.values());
-    let mut boards = read_boards(link.as_mut(), &nodes, &values)?;
+    let mut boards = read_boards(link.as_mut(), &nodes, &values, &mut |step| warn(step))?;
     for motor in &tuned.motors {
         if boards.iter().all(|board| Some(board.present.kind) != motor.kind()) {
             warn(&format!("note: {} is left out: --node names no board with such a motor", motor.motor));
@@ -115,76 +93,15 @@ fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bo
     told.end(&done)
 }
 
-/// The values that a board shall have.
-type Values<'a> = dyn Fn(&Present) -> Result<Vec<(Property, i64)>, BadInput> + 'a;
-
-/// Meets boards and reads what they hold.
-fn read_boards(link: &mut dyn Link, nodes: &[Id], values: &Values) -> Result<Vec<Board>, Stop> {
-    let read = nodes.iter().map(|node| {
-        let present = meet(link, *node, &mut |step| warn(step))?;
-        Ok(compare(link, present, &values(&present)?)?)
-    });
-    let boards = read.collect::<Result<Vec<Board>, Stop>>();
-    if boards.is_err() {
-        link.remark().iter().for_each(|text| warn(text));
-    }
-    boards
-}
-
-/// Writes boards, with their old values in a file meanwhile, and afterwards unless the boards hold them again. `before`: what was in the file.
-fn write_kept(
-    link: &mut dyn Link,
-    path: &Path,
-    (before, mut undo): (Option<Undo>, Undo),
-    boards: &[Board],
-    progress: &mut dyn FnMut(&str),
-) -> Result<Result<(), Broken>, BadInput> {
-    undo.save(path)?;
-    let done = write(link, boards, progress);
-    match &done {
-        Ok(()) => {
-            undo.settled(boards);
-            undo.save(path)?;
-        }
-        Err(broken)
-            if broken.states.iter().all(|state| matches!(state, State::Untouched | State::Restored)) =>
-        {
-            // What there was before is there again.
-            let mut before = before.unwrap_or_else(|| Undo::new(undo.adapter));
-            before.settled(boards);
-            before.save(path)?;
-        }
-        Err(_) => {}
-    }
-    Ok(done)
-}
-
-/// Writes the old values of a file, and takes from the file what the boards then hold.
-fn write_back(
-    link: &mut dyn Link,
-    path: &Path,
-    undo: &mut Undo,
-    boards: &[Board],
-    progress: &mut dyn FnMut(&str),
-) -> Result<Result<(), Broken>, BadInput> {
-    undo.save(path)?;
-    let done = write(link, boards, progress);
-    if done.is_ok() {
-        undo.boards.retain(|kept| boards.iter().all(|board| board.present.node != kept.node()));
-        undo.save(path)?;
-    }
-    Ok(done)
-}
-
-fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Stop> {
+fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Failure> {
     let Some(mut undo) = Undo::load(path)? else {
-        return Err(Stop::from(BadInput::new(path.display().to_string(), "there is nothing to take back").found("no such file").expected(format!("the old values that `apply {}` keeps", args.file.display())).next("name the file that was applied, in its folder; after an undo nothing is left to take back")));
+        return Err(Failure::from(BadInput::new(path.display().to_string(), "there is nothing to take back").found("no such file").expected(format!("the old values that `apply {}` keeps", args.file.display())).next("name the file that was applied, in its folder; after an undo nothing is left to take back")));
     };
     let is_wanted = |kept: &Kept| args.node.is_empty() || args.node.contains(&kept.node().number());
     if let Some(node) =
         args.node.iter().find(|node| undo.boards.iter().all(|kept| kept.node().number() != **node))
     {
-        return Err(Stop::from(
+        return Err(Failure::from(
             BadInput::new(
                 format!("--node {node}"),
                 format!("{} has no old values of this board", path.display()),
@@ -200,9 +117,11 @@ fn take_back(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Res
             .next("name one of those, or omit --node"),
         ));
     }
-    let mut link = connect(&adapter(args).unwrap_or_else(|| undo.adapter.clone()), clock)?;
+    let adapter = adapter(args).unwrap_or_else(|_| undo.adapter.clone());
+    let mut link = adapter.open(clock, &interrupt::interrupted)?;
     let nodes: Vec<Id> = undo.boards.iter().filter(|kept| is_wanted(kept)).map(Kept::node).collect();
-    let mut boards = read_boards(link.as_mut(), &nodes, &|present| undo.values(path, present))?;
+    let values = |present: &Present| undo.values(path, present);
+    let mut boards = read_boards(link.as_mut(), &nodes, &values, &mut |step| warn(step))?;
     undo.keep_others(&mut boards);
     let told = Told { args, path, boards: &boards };
     if args.dry_run {
@@ -232,16 +151,8 @@ fn read(path: &Path) -> Result<String, BadInput> {
     String::from_utf8(text).map_err(|error| bad("is no text", error.to_string()))
 }
 
-fn adapter(args: &ApplyArgs) -> Option<Adapter> {
-    let slcan = args.slcan.clone().map(Adapter::Slcan);
-    slcan.or_else(|| args.can.clone().map(Adapter::Can))
-}
-
-fn connect<'a>(adapter: &Adapter, clock: &'a dyn Fn() -> Duration) -> Result<Box<dyn Link + 'a>, Stop> {
-    Ok(match adapter {
-        Adapter::Slcan(address) => open(Some(address), None, clock)?,
-        Adapter::Can(interface) => open(None, Some(interface), clock)?,
-    })
+fn adapter(args: &ApplyArgs) -> Result<Adapter, BadInput> {
+    Adapter::named(args.slcan.as_deref(), args.can.as_deref())
 }
 
 /// The boards that are named, or all of a hand with a motor of the file's.
@@ -299,7 +210,7 @@ impl Told<'_> {
     }
 
     /// The end of a run that writes nothing.
-    fn shown(&self) -> Result<bool, Stop> {
+    fn shown(&self) -> Result<bool, Failure> {
         if self.args.json {
             print(&format!("{}\n", self.object(None)))?;
         } else {
@@ -309,7 +220,7 @@ impl Told<'_> {
         Ok(true)
     }
 
-    fn end(&self, done: &Result<(), Broken>) -> Result<bool, Stop> {
+    fn end(&self, done: &Result<(), Broken>) -> Result<bool, Failure> {
         if self.args.json {
             print(&format!("{}\n", self.object(Some(done))))?;
         }
@@ -329,10 +240,7 @@ impl Told<'_> {
     }
 
     fn broken(&self, Broken { failure, states }: &Broken) {
-        match failure {
-            Failure::Interrupted => warn("error: interrupted"),
-            Failure::Failed(text) => warn(&format!("error: {text}")),
-        }
+        warn(&format!("error: {failure}"));
         for (board, state) in self.boards.iter().zip(states) {
             warn(&format!("  node {} {}", board.present.node.number(), state.text(self.args.undo)));
         }
@@ -365,8 +273,7 @@ impl Told<'_> {
             })
         };
         let problem = match done {
-            Some(Err(Broken { failure: Failure::Failed(text), .. })) => json!(text),
-            Some(Err(Broken { failure: Failure::Interrupted, .. })) => json!("interrupted"),
+            Some(Err(Broken { failure, .. })) => json!(failure.to_string()),
             _ => Value::Null,
         };
         json!({

@@ -189,7 +189,7 @@ pub fn execute(line: impl IntoIterator<Item: Into<OsString> + Clone>, clock: Clo
         Task::Bode(args) => bode::bode(&args),
         Task::Margins(args) => margins::margins(&args),
         Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
-        Task::Log(args) => log::log(&args, clock).map(|()| true).map_err(Into::into),
+        Task::Log(args) => log::log(&args, clock).map(|()| true),
         Task::Tune(args) => tune::tune(&args, clock),
         Task::Export(args) => export::export(&args).map(|()| true),
         Task::Apply(args) => apply::apply(&args, clock),

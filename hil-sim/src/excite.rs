@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tater_wire::Node as Id;
 
-use super::adapter::open;
+use super::adapter::Adapter;
 use super::convert;
 use super::figures::Figures;
 use super::identify::MotorName;
@@ -52,14 +52,17 @@ pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, B
     let format = Format::of(&args.out)?;
     let motor = args.motor.unwrap_or(MotorName::Link);
     let (mut link, node): (Box<dyn Link>, Id) = match args.node {
-        Some(node) => (open(args.slcan.as_deref(), args.can.as_deref(), clock)?, id(Some(node))),
+        Some(node) => {
+            let adapter = Adapter::named(args.slcan.as_deref(), args.can.as_deref())?;
+            (adapter.open(clock, &interrupt::interrupted)?, id(Some(node)))
+        }
         None => (Box::new(simulated(args, motor)?), id(Some(motor.kind().first_node()))),
     };
     let done = run(link.as_mut(), node, &mut |step| warn(&format!("node {}: {step}", node.number())));
     let recorded = match done {
         Ok(recorded) => recorded,
         Err(Failure::Interrupted) => return Ok(false),
-        Err(Failure::Failed(text)) => return Err(text.into()),
+        Err(failed) => return Err(failed.into()),
     };
     convert::write(&args.out, format, csv(&recorded))?;
     print(&format!("{}: {} rows\n", args.out.display(), recorded.rows.len()))?;

@@ -20,6 +20,7 @@ mod margins;
 mod open;
 mod output;
 pub mod page;
+mod recording;
 mod serve;
 pub mod simulated;
 pub mod slcan;

@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tater_wire::{Node as Id, Property};
 
-use commission::apply::{Board, Present};
+use super::adapter::Adapter;
+use commission::apply::{Board, Broken, Present, State, compare, meet, write};
+use commission::excite::{Failure, Link};
 use programs::files;
 use traces::input::{self, BadInput};
 
@@ -25,16 +27,6 @@ pub struct Undo {
     pub adapter: Adapter,
     /// What they held.
     pub boards: Vec<Kept>,
-}
-
-/// An adapter, as on the command line.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", deny_unknown_fields)]
-pub enum Adapter {
-    /// SLCAN over TCP.
-    Slcan(String),
-    /// A CAN interface of Linux.
-    Can(String),
 }
 
 /// What one board held.
@@ -214,6 +206,81 @@ impl Undo {
                 .next("free space, or copy the file into a folder of yours and apply it there")
         })
     }
+}
+
+/// The values that a board shall have.
+pub type Values<'a> = dyn Fn(&Present) -> Result<Vec<(Property, i64)>, BadInput> + 'a;
+
+/// Meets boards and reads what they hold.
+///
+/// # Errors
+/// Those of [`meet`], [`compare`] and `values`; what the link has not carried is then part of the progress.
+pub fn read_boards(
+    link: &mut dyn Link,
+    nodes: &[Id],
+    values: &Values,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Vec<Board>, Failure> {
+    let read = nodes.iter().map(|node| {
+        let present = meet(link, *node, progress)?;
+        compare(link, present, &values(&present)?)
+    });
+    let boards = read.collect();
+    if let (Err(_), Some(remark)) = (&boards, link.remark()) {
+        progress(&remark);
+    }
+    boards
+}
+
+/// Writes boards, with their old values in a file meanwhile, and afterwards unless the boards hold them again. `before`: what was in the file.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_kept(
+    link: &mut dyn Link,
+    path: &Path,
+    (before, mut undo): (Option<Undo>, Undo),
+    boards: &[Board],
+    progress: &mut dyn FnMut(&str),
+) -> Result<Result<(), Broken>, BadInput> {
+    undo.save(path)?;
+    let done = write(link, boards, progress);
+    match &done {
+        Ok(()) => {
+            undo.settled(boards);
+            undo.save(path)?;
+        }
+        Err(broken)
+            if broken.states.iter().all(|state| matches!(state, State::Untouched | State::Restored)) =>
+        {
+            // What there was before is there again.
+            let mut before = before.unwrap_or_else(|| Undo::new(undo.adapter));
+            before.settled(boards);
+            before.save(path)?;
+        }
+        Err(_) => {}
+    }
+    Ok(done)
+}
+
+/// Writes the old values of a file, and takes from the file what the boards then hold.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_back(
+    link: &mut dyn Link,
+    path: &Path,
+    undo: &mut Undo,
+    boards: &[Board],
+    progress: &mut dyn FnMut(&str),
+) -> Result<Result<(), Broken>, BadInput> {
+    undo.save(path)?;
+    let done = write(link, boards, progress);
+    if done.is_ok() {
+        undo.boards.retain(|kept| boards.iter().all(|board| board.present.node != kept.node()));
+        undo.save(path)?;
+    }
+    Ok(done)
 }
 
 #[cfg(test)]

@@ -12,12 +12,13 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tater_wire::property::{Access, Stored};
-use tater_wire::{Destination, Frame, Message};
+use tater_wire::{Destination, Frame, Message, Property};
 use wraptor::slcan::line::{self, Lines, Said};
 
 use super::*;
 use crate::simulated::Simulated;
 use crate::slcan::Slcan;
+use commission::excite::Link;
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
 use hil_world::plant::Model;
@@ -257,7 +258,7 @@ fn ids() -> Vec<Id> {
 fn apply_once(bench: &mut Bench, path: &Path) -> Option<Result<(), Broken>> {
     let before = Undo::load(path).unwrap_or_else(|error| panic!("its own file: {error}"));
     bench.open();
-    let mut boards = read_boards(bench, &ids(), &|_| Ok(NEW.to_vec())).ok()?;
+    let mut boards = read_boards(bench, &ids(), &|_| Ok(NEW.to_vec()), &mut |_| {}).ok()?;
     let mut undo = before.clone().unwrap_or_else(|| Undo::new(Adapter::Slcan("fuzz".to_owned())));
     undo.keep(path, &boards).expect("the same boards");
     undo.keep_others(&mut boards);
@@ -269,13 +270,12 @@ fn undo_once(bench: &mut Bench, path: &Path) -> Option<Result<(), Broken>> {
     let mut undo = Undo::load(path).unwrap_or_else(|error| panic!("its own file: {error}"))?;
     let nodes: Vec<Id> = undo.boards.iter().map(Kept::node).collect();
     bench.open();
-    let mut boards = match read_boards(bench, &nodes, &|present| undo.values(path, present)) {
+    let mut boards = match read_boards(bench, &nodes, &|present| undo.values(path, present), &mut |_| {}) {
         Ok(boards) => boards,
-        Err(Stop::Bad(error)) => {
+        Err(error) => {
             println!("nothing undone: {error}");
             return None;
         }
-        Err(Stop::Interrupted) => return None,
     };
     undo.keep_others(&mut boards);
     Some(write_back(bench, path, &mut undo, &boards, &mut |_| {}).expect("the folder can be written"))
