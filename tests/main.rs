@@ -1,6 +1,7 @@
 //! System tests: one binary, a module a subject.
 
 mod arrival;
+mod bad_link;
 mod chart;
 mod contact;
 mod effort;

@@ -2,5 +2,8 @@
 //! the time.
 #![forbid(unsafe_code)]
 
+pub mod adapter;
 pub mod apply;
 pub mod excite;
+pub mod recording;
+pub mod undo;

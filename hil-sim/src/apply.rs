@@ -9,11 +9,11 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use tater_wire::{MotorKind, Node as Id};
 
-use super::adapter::Adapter;
 use super::output::print;
-use super::undo::{Kept, Undo, path_of, read_boards, write_back, write_kept};
+use commission::adapter::Adapter;
 use commission::apply::{Board, Broken, Present, State};
 use commission::excite::Failure;
+use commission::undo::{Kept, Undo, path_of, read_boards, write_back, write_kept};
 use hil_tuning::tuned::{Motor, Tuned};
 use programs::interrupt;
 use programs::output::warn;
@@ -287,6 +287,3 @@ impl Told<'_> {
         })
     }
 }
-
-#[cfg(test)]
-mod fuzz;

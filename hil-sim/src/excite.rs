@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use tater_wire::Node as Id;
 
-use super::adapter::Adapter;
 use super::convert;
 use super::figures::Figures;
 use super::identify::MotorName;
 use super::output::{check_file, print};
 use super::simulated::Simulated;
+use commission::adapter::Adapter;
 use commission::excite::{Failure, Link, csv, excite as run};
 use hil_world::board::SimBoard;
 use hil_world::node::Node;

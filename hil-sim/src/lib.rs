@@ -3,7 +3,6 @@
 //! The binary is [`cli`]. Real time is passed in: only `main.rs` reads the clock.
 #![forbid(unsafe_code)]
 
-mod adapter;
 mod apply;
 mod bode;
 pub mod cli;
@@ -20,7 +19,6 @@ mod margins;
 mod open;
 mod output;
 pub mod page;
-mod recording;
 mod serve;
 pub mod simulated;
 pub mod slcan;
@@ -32,5 +30,4 @@ mod thread;
 mod torture;
 mod tune;
 mod tune_report;
-mod undo;
 mod worker;

@@ -11,10 +11,10 @@ use std::time::Duration;
 
 use tater_wire::Node;
 
-use super::adapter::{Adapter, Clock};
 use super::convert::Pending;
 use super::output::check_file;
-use super::recording::Recording;
+use commission::adapter::{Adapter, Clock};
+use commission::recording::Recording;
 use programs::interrupt;
 use programs::output::warn;
 use traces::format::Format;

@@ -86,8 +86,12 @@ const ARROWS: [Arrows; 22] = [
     Arrows { package: "charts", ours: &[], others: Some(&["serde", "serde_json"]) },
     // ctrlc: ^C. tempfile: names of temporary files.
     Arrows { package: "programs", ours: &[], others: Some(&["ctrlc", "tempfile"]) },
-    // Real boards, never the simulator.
-    Arrows { package: "commission", ours: &["tater-wire", "traces"], others: Some(&["rand", "rand_pcg"]) },
+    // Real boards, never the simulator. programs: the file of old values, which serde(_json) reads. wraptor: buses.
+    Arrows {
+        package: "commission",
+        ours: &["tater-wire", "traces", "wraptor", "programs"],
+        others: Some(&["rand", "rand_pcg", "serde", "serde_json"]),
+    },
     // libm: the same bits on every platform. flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
     Arrows {
         package: "hil-world",

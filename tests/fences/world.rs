@@ -30,7 +30,7 @@ const INSIDE: [(&str, &[&str], &[&str]); 7] = [
     ("hil-sim/experiment/src", &["env", "net", "os", "process", "thread", "time"], &TERMINALS),
     ("hil-sim/torture/src", &["env", "fs", "net", "os", "process", "thread", "time"], &TERMINALS),
     ("hil-sim/tuning/src", &["env", "fs", "net", "os", "process", "time"], &TERMINALS),
-    ("commission/src", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("commission/src", &["env", "net", "os", "process", "thread"], &TERMINALS),
     ("traces/src", &["env", "fs", "net", "os", "process", "thread", "time"], &TERMINALS),
     ("charts/src", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
 ];

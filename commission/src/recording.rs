@@ -7,7 +7,7 @@ use std::path::Path;
 use tater_wire::property::Access;
 use tater_wire::{Destination, Message, Node, Property};
 
-use commission::excite::{Failure, Link};
+use super::excite::{Failure, Link};
 use traces::input::BadInput;
 use traces::names::{RECORDED_BY, TIME, UNTRUSTED, unit};
 use traces::numbers::bad;

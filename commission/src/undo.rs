@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use tater_wire::{Node as Id, Property};
 
 use super::adapter::Adapter;
-use commission::apply::{Board, Broken, Present, State, compare, meet, write};
-use commission::excite::{Failure, Link};
+use super::apply::{Board, Broken, Present, State, compare, meet, write};
+use super::excite::{Failure, Link};
 use programs::files;
 use traces::input::{self, BadInput};
 
@@ -286,7 +286,7 @@ pub fn write_back(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use commission::apply::Change;
+    use crate::apply::Change;
     use tater_wire::MotorKind;
 
     fn board(node: u8, serial: i64, kp: i64) -> Board {
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn file_reads_back_and_vanishes_with_its_last_board() {
-        let folder = std::env::temp_dir().join(format!("hil-sim-undo-{}", std::process::id()));
+        let folder = std::env::temp_dir().join(format!("commission-undo-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("the temporary folder can be written");
         let path = path_of(&folder.join("tuned.json"));
         assert_eq!(path.file_name().and_then(|name| name.to_str()), Some("tuned.json.undo.json"));

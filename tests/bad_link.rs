@@ -4,7 +4,7 @@
 //! Afterwards a board holds its old values or the new ones, in RAM and in its storage, and in all other stored properties what it held before.
 //! Otherwise the run says so of this board, and its file leads back.
 //!
-//! `EFFORT=84 cargo test --release -p hil-sim --lib apply::fuzz` makes 10,000 runs; `SEED=N` repeats one.
+//! `EFFORT=84 cargo test --release -p system-tests bad_link` makes 10,000 runs; `SEED=N` repeats one.
 
 use std::path::{Path, PathBuf};
 
@@ -12,13 +12,15 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tater_wire::property::{Access, Stored};
-use tater_wire::{Destination, Frame, Message, Property};
+use tater_wire::{Destination, Frame, Message, Node as Id, Property};
 use wraptor::slcan::line::{self, Lines, Said};
 
-use super::*;
-use crate::simulated::Simulated;
-use crate::slcan::Slcan;
+use commission::adapter::Adapter;
+use commission::apply::{Broken, State};
 use commission::excite::Link;
+use commission::undo::{Kept, Undo, read_boards, write_back, write_kept};
+use hil_sim::simulated::Simulated;
+use hil_sim::slcan::Slcan;
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
 use hil_world::plant::Model;
@@ -358,7 +360,7 @@ fn effort(sample: u64) -> u64 {
 
 #[test]
 fn apply_and_undo_over_a_bad_link_leave_old_values_or_new_ones() {
-    let folder: PathBuf = std::env::temp_dir().join(format!("hil-sim-link-{}", std::process::id()));
+    let folder: PathBuf = std::env::temp_dir().join(format!("bad-link-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the temporary folder can be written");
     let seed = std::env::var("SEED").ok().map(|seed| seed.parse().expect("SEED: a whole number, such as 17"));
     let (first, runs) = seed.map_or_else(|| (1, effort(RUNS)), |seed| (seed, 1));

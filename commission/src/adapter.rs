@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use tater_wire::Frame;
 use wraptor::{Bus, CallError, ConnectError, Health};
 
-use commission::excite::Link;
+use super::excite::Link;
 use traces::input::BadInput;
 
 /// Time since some start, such as the program's.
