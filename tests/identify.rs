@@ -1,7 +1,7 @@
 //! Unknown motors: the move of `excite` over the bus, and what `identify` makes of it, against the plants' parameters.
 
 use crate::effort::seeds;
-use commission::excite::{Link, csv, excite};
+use commission::excite::{Link, csv, duty, excite};
 use hil_sim::simulated::Simulated;
 use hil_tuning::identify::{Estimate, Recording, WORKING_SPEED, identify};
 use hil_world::board::SimBoard;
@@ -11,6 +11,8 @@ use hil_world::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
 use hil_world::rig::{Rig, RigParams};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use servo_core::guard::limits::{LastTick, TorqueLimiter};
+use servo_core::units::{MilliVolts, Torque};
 use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Property};
 
@@ -115,4 +117,30 @@ fn excite_does_not_keep_what_a_killed_one_left() {
     excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("{e:?}"));
     let config = link.board().and_then(Node::application).expect("awake").config();
     assert_eq!((config.tstop, config.mt), (300, 750));
+}
+
+/// The board rounds its ripple by up to 1 torque unit, and its duty by some bits.
+const ROUNDED_TORQUE: f64 = 1.5;
+const ROUNDED_BITS: f64 = 4.0;
+
+/// What excite says of a duty that no property tells is what the board applies.
+#[test]
+fn duty_law_of_the_host_is_the_boards() {
+    let full = Torque(990);
+    for bus_mv in (8_000..=30_000).step_by(500) {
+        for (emf, torque) in (-600..=600).step_by(40).flat_map(|emf| (-990..=990).map(move |of| (emf, of))) {
+            let bus = MilliVolts(bus_mv);
+            let envelope = TorqueLimiter::default().envelope(full, full, emf, bus, &LastTick::OFF);
+            let board = envelope.bound(Torque(torque), Torque(torque));
+            let bits = f64::from(board.duty.0.to_bits());
+            let host = [-ROUNDED_TORQUE, ROUNDED_TORQUE].map(|more| {
+                let torque = f64::from(board.torque.0) + more;
+                32_768.0 * duty(board.volts.into(), torque, f64::from(bus_mv) / 1000.0)
+            });
+            assert!(
+                host[0] - ROUNDED_BITS <= bits && bits <= host[1] + ROUNDED_BITS,
+                "{bus_mv} mV: {board:?}, host {host:?}"
+            );
+        }
+    }
 }

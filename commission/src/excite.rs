@@ -702,14 +702,18 @@ impl Host<'_> {
     }
 }
 
-/// The board's duty for a voltage and a torque, in torque units (`servo-core/src/guard/limits.rs`): with what its dead time takes, within
-/// the limit.
-fn duty(volts: f64, torque: f64, bus_v: f64) -> f64 {
+/// The board's duty for a voltage and a torque, in torque units, at a bus of `bus_v`: with what its dead time takes, within the limit.
+///
+/// The law is that of `servo-core/src/guard/limits.rs`, which no host imports; `tests/identify.rs` holds both together.
+#[must_use]
+pub fn duty(volts: f64, torque: f64, bus_v: f64) -> f64 {
     let bare = volts * UNIT_V / bus_v;
     let ripple = 0.075 * volts.abs() * (1.0 - bare.abs());
     let share = ((torque.abs() - ripple) * 83.0 / 256.0 + 0.5).clamp(0.0, 1.0);
     let dead = share * 0.01 * (1.0 + 1.6 / bus_v);
-    (bare + dead * torque.signum()).clamp(-MOST_DUTY, MOST_DUTY)
+    // f64's signum of 0 is 1.
+    let sign = if torque == 0.0 { 0.0 } else { torque.signum() };
+    (bare + dead * sign).clamp(-MOST_DUTY, MOST_DUTY)
 }
 
 /// A board's answer; one that is damaged is none, so that the question is repeated.
