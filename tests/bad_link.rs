@@ -15,6 +15,7 @@ use tater_wire::property::{Access, Stored};
 use tater_wire::{Destination, Frame, Message, Node as Id, Property};
 use wraptor::slcan::line::{self, Lines, Said};
 
+use crate::effort::seeds;
 use commission::adapter::Adapter;
 use commission::apply::{Broken, State};
 use commission::excite::Link;
@@ -352,19 +353,13 @@ fn run(seed: u64, folder: &Path) -> &'static str {
     end
 }
 
-/// So many of a sample, times EFFORT.
-fn effort(sample: u64) -> u64 {
-    let effort = std::env::var("EFFORT").ok();
-    sample * effort.map_or(1, |effort| effort.parse().expect("EFFORT: a whole number, such as 10"))
-}
-
 #[test]
 fn apply_and_undo_over_a_bad_link_leave_old_values_or_new_ones() {
     let folder: PathBuf = std::env::temp_dir().join(format!("bad-link-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the temporary folder can be written");
-    let seed = std::env::var("SEED").ok().map(|seed| seed.parse().expect("SEED: a whole number, such as 17"));
-    let (first, runs) = seed.map_or_else(|| (1, effort(RUNS)), |seed| (seed, 1));
-    let ends: Vec<&str> = (first..first + runs).into_par_iter().map(|seed| run(seed, &folder)).collect();
+    let seeds = seeds(1, RUNS);
+    let runs = seeds.end - seeds.start;
+    let ends: Vec<&str> = seeds.into_par_iter().map(|seed| run(seed, &folder)).collect();
     let count = |end: &str| ends.iter().filter(|found| **found == end).count();
     for end in ["new values", "old values again", "nothing written", "not known, and said so"] {
         println!("{:>6} {end}", count(end));
