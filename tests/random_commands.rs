@@ -9,9 +9,8 @@ use crate::heat::{Bench, HANGS_US, MOST_C};
 use hil_world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use servo_core::mode::Mode;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::thread;
 use tater_fw::Board;
 use tater_wire::property::{Access, ROWS};
 use tater_wire::{Destination, Frame, Group, Identifier, MotorKind, Node as Id, Property};
@@ -22,9 +21,6 @@ const RUN_MS: u32 = 30_000;
 /// Runs in CI: 20 s. One of some fifty restores a position, two of these.
 const RUNS: u64 = 24;
 const FIRST: u64 = 96;
-
-/// A second thread, for machines with two cores.
-const THREADS: u64 = 2;
 
 /// Phase current, A: a motor at full speed that is plugged draws 20.
 const MOST_A: f64 = 21.0;
@@ -369,37 +365,23 @@ impl Run {
 
 /// Plays runs from `first` on, and adds them up; the limits of heat and current hold on nominal plants.
 fn play(first: u64, runs: u64, scattered: bool) -> (Figures, Vec<String>) {
-    let next = AtomicU64::new(first);
-    let work = || {
-        let (mut all, mut wrong) = (Figures::default(), Vec::new());
-        loop {
-            let seed = next.fetch_add(1, Ordering::Relaxed);
-            if seed >= first + runs {
-                return (all, wrong);
-            }
-            let replay = format!("SEED={seed} cargo test -p system-tests random_commands");
-            match Run::new(seed, scattered).play() {
-                Ok(figures) => {
-                    if !scattered && (figures.hottest_c > MOST_C || figures.most_a > MOST_A) {
-                        let Figures { hottest_c, most_a, .. } = figures;
-                        wrong.push(format!("{hottest_c:.1} °C, {most_a:.1} A: {replay}"));
-                    }
-                    all = all.and(figures);
+    let played = (first..first + runs).into_par_iter().map(|seed| Run::new(seed, scattered).play());
+    let played: Vec<_> = played.collect();
+    let (mut all, mut wrong) = (Figures::default(), Vec::new());
+    for (seed, played) in (first..).zip(played) {
+        let replay = format!("SEED={seed} cargo test -p system-tests random_commands");
+        match played {
+            Ok(figures) => {
+                if !scattered && (figures.hottest_c > MOST_C || figures.most_a > MOST_A) {
+                    let Figures { hottest_c, most_a, .. } = figures;
+                    wrong.push(format!("{hottest_c:.1} °C, {most_a:.1} A: {replay}"));
                 }
-                Err(found) => wrong.push(format!("{found}: {replay}")),
+                all = all.and(figures);
             }
+            Err(found) => wrong.push(format!("{found}: {replay}")),
         }
-    };
-    thread::scope(|scope| {
-        let others: Vec<_> = (1..THREADS).map(|_| scope.spawn(work)).collect();
-        others.into_iter().map(|other| other.join().expect("a run panicked")).fold(
-            work(),
-            |(all, mut wrong), other| {
-                wrong.extend(other.1);
-                (all.and(other.0), wrong)
-            },
-        )
-    })
+    }
+    (all, wrong)
 }
 
 #[test]

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use hil_torture::case::{Case, Fault, World};
-use hil_torture::kinds::{FaultKind, ROWS, Row};
+use hil_torture::kinds::{FaultKind, ROWS};
 use hil_torture::program::{Act, Step};
 use hil_torture::{Outcome, Selection, Violation, run, shrink};
 use rand_pcg::Pcg64Mcg;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use tater_wire::FaultCode;
 
 /// Seeds of the sample in the tests; `cargo xtask ci` plays a thousand, always the same, and `cargo xtask fresh` new ones.
@@ -104,14 +105,8 @@ fn every_fault_bites_is_cleared_and_the_hand_recovers() {
     assert_eq!((twin.errors, twin.statuses), (0, 0), "without a fault nothing is reported");
     let mut wrong = Vec::new();
     let mut table = MEASURED.to_owned() + &measured_row("none", &twin);
-    let each = |rows: &[Row]| rows.iter().map(|row| measured(row.kind, &twin)).collect::<Vec<_>>();
-    // In two threads, because it is the longest test of the binary.
-    let (first, second) = ROWS.split_at(ROWS.len() / 2);
-    let outcomes = std::thread::scope(|scope| {
-        let second = scope.spawn(|| each(second));
-        let first = each(first);
-        [first, second.join().expect("it ends")].concat()
-    });
+    // In parallel, because it is the longest test of the binary.
+    let outcomes: Vec<_> = ROWS.par_iter().map(|row| measured(row.kind, &twin)).collect();
     for (row, outcome) in ROWS.iter().zip(outcomes) {
         let Some(outcome) = outcome else {
             wrong.push(format!("{}: the trace is that of the fault-free twin", row.name));

@@ -5,12 +5,12 @@ mod scenarios;
 mod script;
 
 use hil_world::rig::flash::SimFlash;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use scenarios::Scenario;
 pub(super) use script::State;
 use script::{Act, run, step, stored};
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hasher};
-use std::thread;
 use tater_fw::storage::{Counters, LOSS, Progress, Store};
 use tater_wire::Property;
 use tater_wire::memory::{FLASH, STORAGE};
@@ -35,6 +35,12 @@ impl Cuts {
         hasher.write(bytes(flash));
         self.states.insert(hasher.finish());
         self.cuts += 1;
+    }
+
+    fn and(mut self, other: Self) -> Self {
+        self.states.extend(other.states);
+        self.cuts += other.cuts;
+        self
     }
 
     fn recovery(state: &State) -> [Act; 3] {
@@ -117,21 +123,11 @@ impl Cuts {
 
 #[test]
 fn cut_at_any_operation_leaves_old_or_new_state() {
-    let all = scenarios::all();
-    let enumerate = |scenarios: &[Scenario]| {
-        let mut cuts = Cuts::default();
-        for scenario in scenarios {
-            cuts.enumerate(scenario, 6, 1);
-        }
+    let enumerate = |mut cuts: Cuts, scenario: &Scenario| {
+        cuts.enumerate(scenario, 6, 1);
         cuts
     };
-    let (some, others) = all.split_at(5);
-    let (mut cuts, other) = thread::scope(|scope| {
-        let other = scope.spawn(|| enumerate(others));
-        (enumerate(some), other.join().expect("the other half"))
-    });
-    cuts.states.extend(other.states);
-    cuts.cuts += other.cuts;
+    let cuts = scenarios::all().par_iter().fold(Cuts::default, enumerate).reduce(Cuts::default, Cuts::and);
     println!("figure: power cuts of storage: {} cuts, {} distinct states", cuts.cuts, cuts.states.len());
     // The storage's share of at least 100,000 states.
     assert!(cuts.states.len() >= 60_000, "{}", cuts.states.len());

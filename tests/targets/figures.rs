@@ -1,9 +1,9 @@
 //! The figures, each on the nominal motor and on scattered plants.
 
 use std::fmt;
-use std::thread;
 
 use hil_world::node::Sample;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use servo_core::EndReason;
 use tater_wire::Property;
 
@@ -33,22 +33,8 @@ impl fmt::Display for Spread {
 }
 
 /// Something of each seed, in order, on all processors.
-pub fn each<T: Send>(
-    seeds: impl Iterator<Item = u64> + Clone + Send,
-    of: impl Fn(u64) -> T + Sync,
-) -> Vec<T> {
-    let threads = thread::available_parallelism().map_or(1, usize::from);
-    let mut found: Vec<(u64, T)> = thread::scope(|scope| {
-        let shards: Vec<_> = (0..threads)
-            .map(|shard| {
-                let (seeds, of) = (seeds.clone().skip(shard).step_by(threads), &of);
-                scope.spawn(move || seeds.map(|seed| (seed, of(seed))).collect::<Vec<_>>())
-            })
-            .collect();
-        shards.into_iter().flat_map(|shard| shard.join().expect("each seed to end")).collect()
-    });
-    found.sort_by_key(|(seed, _)| *seed);
-    found.into_iter().map(|(_, of)| of).collect()
+pub fn each<T: Send>(seeds: impl Iterator<Item = u64>, of: impl Fn(u64) -> T + Sync) -> Vec<T> {
+    seeds.collect::<Vec<_>>().into_par_iter().map(&of).collect()
 }
 
 /// Several figures of one run on all plants.
