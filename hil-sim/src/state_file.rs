@@ -123,6 +123,7 @@ impl StateFile {
         Ok(is_due)
     }
 
+    /// Not by [`programs::files`]: the lock makes a fixed name safe, under which a kill leaves one file at most, and the state is synced.
     fn replace(&self, bytes: &[u8]) -> io::Result<()> {
         let part = with_suffix(&self.path, "part");
         let written =

@@ -328,7 +328,7 @@ fn play_all(
     let end = args.minutes.map(|minutes| clock() + Duration::from_secs_f64(minutes * 60.0));
     std::thread::scope(|scope| {
         for _ in 0..jobs {
-            // The clock stays on this thread.
+            // Threads of its own: the clock stays on this one, and seeds go on until time, ^C or a failure ends them.
             scope.spawn(|| {
                 loop {
                     let at = next.fetch_add(1, Ordering::Relaxed);
