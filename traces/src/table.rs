@@ -1,6 +1,6 @@
 //! Tables of typed, named columns, row by row: what traces, logs and sweeps are, whatever the file's format.
 //!
-//! A [`Sink`] takes rows and keeps at most a block of them; the formats are files of their own ([`super::parquet`]).
+//! A [`Sink`] takes rows and keeps at most a block of them; the formats are files of their own (`parquet.rs`).
 
 use std::fmt;
 use std::io;
