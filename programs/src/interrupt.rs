@@ -124,7 +124,9 @@ mod tests {
         let mut state = State::NEW;
         for _ in 0..2 {
             state.begin();
-            assert!(!state.interrupted && !state.interrupt() && state.interrupted);
+            assert!(!state.interrupted);
+            assert!(!state.interrupt());
+            assert!(state.interrupted);
             state.finishes = false;
             assert!(state.interrupted && state.interrupt(), "between two calls");
         }
