@@ -22,6 +22,9 @@ pub enum Format {
     Parquet,
 }
 
+/// What files of a format begin with; text begins with anything.
+const BEGINNINGS: [(Format, &[u8]); 2] = [(Format::Mcap, b"\x89MCAP"), (Format::Parquet, b"PAR1")];
+
 impl Format {
     /// The format that a path's extension names, in any case.
     ///
@@ -43,11 +46,8 @@ impl Format {
     /// The format of the bytes of a file, by how they begin.
     #[must_use]
     pub fn of_bytes(bytes: &[u8]) -> Self {
-        match bytes {
-            [0x89, b'M', b'C', b'A', b'P', ..] => Self::Mcap,
-            [b'P', b'A', b'R', b'1', ..] => Self::Parquet,
-            _ => Self::Csv,
-        }
+        let begun = BEGINNINGS.iter().find(|(_, beginning)| bytes.starts_with(beginning));
+        begun.map_or(Self::Csv, |(format, _)| *format)
     }
 
     /// The format of a file, and what to tell its user. What a file begins with counts more than its name; bytes that are no text are of the
@@ -57,7 +57,8 @@ impl Format {
         let found = Self::of_bytes(bytes);
         // A pipe's name says nothing.
         let Ok(named) = Self::of(path) else { return (found, None) };
-        let is_text = !bytes.is_empty() && bytes.iter().take(512).all(|byte| *byte >= b'\t');
+        let is_cut = BEGINNINGS.iter().any(|(_, beginning)| beginning.starts_with(bytes));
+        let is_text = !is_cut && bytes.iter().take(512).all(|byte| *byte >= b'\t');
         if named == found || found == Self::Csv && !is_text {
             return (named, None);
         }

@@ -22,7 +22,7 @@ struct Tool {
 /// # Errors
 /// Something is missing that `cargo xtask image` needs.
 pub fn doctor(json: bool) -> Result<(), Failure> {
-    let tools = tools();
+    let tools: Vec<Tool> = tools().into_iter().chain(tools_of_c()).collect();
     let missing = missing(&tools);
     let text = if json {
         format!(
@@ -107,9 +107,17 @@ fn tools() -> Vec<Tool> {
             says("chromium --version"),
             reports::INSTALL,
         ),
+        tool("valgrind", "`cargo xtask bench`", says("valgrind --version"), "apt-get install valgrind"),
+    ]
+}
+
+/// What builds and tests the C library.
+fn tools_of_c() -> [Tool; 4] {
+    let tool = |name, purpose, found, get: &str| Tool { name, purpose, image: false, found, get: get.into() };
+    [
         tool(
             "gcc",
-            "`cargo xtask ci`: the C library's programs (`cargo xtask c-library --check`)",
+            "`cargo xtask ci`: the C library's programs",
             says("gcc --version"),
             "apt-get install gcc",
         ),
@@ -126,7 +134,6 @@ fn tools() -> Vec<Tool> {
             says(&format!("{} --version", target().join("tools/bin/cbindgen").display())),
             "`cargo xtask c-library` installs it below the target folder",
         ),
-        tool("valgrind", "`cargo xtask bench`", says("valgrind --version"), "apt-get install valgrind"),
     ]
 }
 
