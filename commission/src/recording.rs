@@ -75,7 +75,7 @@ impl<'a> Recording<'a> {
         Ok(Heading { columns: columns(), metadata: self.facts(program, progress)? })
     }
 
-    /// Records for `us`, or until the user ends it. `flush` is called between rows once in [`FLUSH_US`]; `out` names the file in errors.
+    /// Records for `us`, or until the user ends it. `flush` is called between rows once a second; `out` names the file in errors.
     ///
     /// # Errors
     /// The board has fallen silent, the link is lost, or the file cannot be written.
