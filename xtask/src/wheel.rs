@@ -69,7 +69,7 @@ pub fn check() -> Outcome {
     script("-m pytest --quiet -p no:cacheprovider tests", &[])?;
     script("-m mypy --strict --cache-dir=/dev/null tests examples benches", &[])?;
     script("-m mypy.stubtest wraptor", &[])?;
-    script("tests/tutorial.py ../docs/python.md", &[&place.join("tutorial")])?;
+    script("tests/tutorial.py ../../docs/python.md", &[&place.join("tutorial")])?;
     grasp(&python, script)?;
     script("benches/runs.py", &[&built("examples/run_speed")?, Path::new(LEAST_SHARE)])
 }
