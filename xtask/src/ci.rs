@@ -187,9 +187,9 @@ fn build_thumb() -> Outcome {
     run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
 }
 
-/// Runs all tests, timed: each prints its time. Returns what they print.
-fn timed_tests(effort: u32) -> Result<String, String> {
-    let mut tests = program("cargo test --workspace --lib --bins --tests -- --nocapture");
+/// Runs these tests, timed: each prints its time. Returns what they print.
+fn timed_tests(which: &str, effort: u32) -> Result<String, String> {
+    let mut tests = program(&format!("cargo test --workspace {which} -- --nocapture"));
     tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string()).env("EFFORT", effort.to_string());
     if cfg!(target_os = "linux") {
         // The harness knows times, but gives them only to a nightly compiler or who asks like this; in the environment of the build it would
@@ -221,12 +221,13 @@ fn timed(line: &str) -> Option<(f64, &str)> {
 const EFFORT: u32 = 10;
 
 fn tests_with_effort() -> Outcome {
-    print!("{}", slowest(&timed_tests(EFFORT)?));
+    print!("{}", slowest(&timed_tests("--lib --bins --tests", EFFORT)?));
     Ok(())
 }
 
 fn tests() -> Outcome {
-    let text = timed_tests(1)?;
+    // The step "unit tests" has run the others.
+    let text = timed_tests("--test *", 1)?;
     // Their harness is rustdoc's own, which gives no times.
     run(program("cargo test --quiet --workspace --doc"))?;
     // The workspace turns the formats of traces on.
