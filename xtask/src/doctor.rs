@@ -57,8 +57,12 @@ fn line(tool: &Tool) -> String {
     }
 }
 
+/// One that an image does without.
+fn tool(name: &'static str, purpose: &'static str, found: Option<String>, get: &str) -> Tool {
+    Tool { name, purpose, image: false, found, get: get.into() }
+}
+
 fn tools() -> Vec<Tool> {
-    let tool = |name, purpose, found, get: &str| Tool { name, purpose, image: false, found, get: get.into() };
     let needed = |tool: Tool| Tool { image: true, ..tool };
     let rustup = says("rustup --version");
     let thumb = setup::has_target().unwrap_or(false).then(|| THUMB.to_owned());
@@ -113,7 +117,6 @@ fn tools() -> Vec<Tool> {
 
 /// What builds and tests the C library.
 fn tools_of_c() -> [Tool; 4] {
-    let tool = |name, purpose, found, get: &str| Tool { name, purpose, image: false, found, get: get.into() };
     [
         tool(
             "gcc",
