@@ -438,7 +438,7 @@ fn documented_command_lines_end_well() {
         include_str!("../../docs/simulator.md"),
         include_str!("../../docs/hosts.md"),
     ];
-    let command = "cargo run --release -p hil-sim -- ";
+    let command = "cargo run --bin hil-sim -- ";
     let lines = || documents.iter().flat_map(|document| document.lines());
     let typed = lines().filter_map(|line| line.strip_prefix(command));
     let serves = |line: &&str| ["bus", "hand"].contains(&line.split(' ').next().unwrap_or(line));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::program::{
-    in_parallel, installed, output, output_of_both, program, root, run, succeeds, target, typed,
+    built, in_parallel, installed, output, output_of_both, program, root, run, succeeds, target, typed,
 };
 use crate::served::Served;
 use crate::table::difference;
@@ -104,18 +104,21 @@ fn header() -> Result<String, String> {
 
 /// Builds the library and copies it to the names that programs link, with headers, pkg-config and CMake files.
 fn install(folder: &Path, is_release: bool) -> Outcome {
-    let (option, profile) = if is_release { (" --release", "release") } else { ("", "debug") };
-    run(program(&format!("cargo build --quiet --package wraptor-c --lib{option}")))?;
-    let built = target().join(profile);
+    let library = if is_release {
+        run(program("cargo build --quiet --package wraptor-c --lib --release"))?;
+        target().join("release/libwraptor_c.so")
+    } else {
+        built("libwraptor_c.so")?
+    };
     let (lib, package) = (folder.join("lib"), root().join("wraptor/c/package"));
     let shared = format!("libwraptor.so.{VERSION}");
-    copy(&built.join("libwraptor_c.so"), &lib.join(&shared))?;
+    copy(&library, &lib.join(&shared))?;
     for link in ["libwraptor.so.0", "libwraptor.so"] {
         let mut ln = program("ln --symbolic --force");
         ln.arg(&shared).arg(lib.join(link));
         run(ln)?;
     }
-    copy(&built.join("libwraptor_c.a"), &lib.join("libwraptor.a"))?;
+    copy(&library.with_extension("a"), &lib.join("libwraptor.a"))?;
     for name in ["wraptor.h", "wraptor_compat.h"] {
         copy(&root().join("wraptor/c/include").join(name), &folder.join("include").join(name))?;
     }

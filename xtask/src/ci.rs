@@ -6,6 +6,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::image::Profile;
 use crate::program::{in_parallel, output, program, root, run, simulator};
 use crate::setup::THUMB;
 use crate::{
@@ -43,7 +44,7 @@ const STEPS: [Step; 34] = [
     step(In::Check, "scenarios", scenarios),
     step(In::Check, "torture, a sample", torture_sample),
     step(In::Ci, "licenses and sources", packages::licenses),
-    step(In::Ci, "clippy, all crates", clippy_all),
+    step(In::Ci, "clippy, wheel", clippy_wheel),
     step(In::Ci, "clippy, microcontroller", clippy_thumb),
     step(In::Ci, "other systems", other_systems),
     step(In::Ci, "documentation", documentation),
@@ -127,20 +128,17 @@ fn times(took: &[(&str, Duration)], total: Duration) -> String {
         .collect()
 }
 
-/// Without the wheel, whose build asks for a Python.
-const WITHOUT_PYTHON: &str = "--workspace --exclude wraptor-py";
-
 fn clippy_host() -> Outcome {
-    run(program(&format!("cargo clippy --quiet {WITHOUT_PYTHON} --all-targets -- -D warnings")))
+    run(program("cargo clippy --quiet --all-targets -- -D warnings"))
 }
 
-fn clippy_all() -> Outcome {
-    run(program("cargo clippy --quiet --workspace --all-targets -- -D warnings"))
+fn clippy_wheel() -> Outcome {
+    run(program("cargo clippy --quiet --package wraptor-py --all-targets -- -D warnings"))
 }
 
 /// Tests inside the crates, which start no server and need no image.
 fn unit_tests() -> Outcome {
-    let mut tests = program(&format!("cargo test --quiet {WITHOUT_PYTHON} --lib --bins"));
+    let mut tests = program("cargo test --quiet --lib --bins");
     tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string());
     let text = output(tests)?;
     let passed: u64 = text.lines().filter_map(passed).sum();
@@ -163,7 +161,7 @@ fn other_systems() -> Outcome {
     for system in SYSTEMS {
         setup::add(system)?;
         run(program(&format!(
-            "cargo check --quiet {WITHOUT_PYTHON} --exclude system-tests --target {system}"
+            "cargo check --quiet --workspace --exclude wraptor-py --exclude system-tests --target {system}"
         )))?;
     }
     setup::add(BROWSER)?;
@@ -187,9 +185,25 @@ fn build_thumb() -> Outcome {
     run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
 }
 
-/// Runs these tests, timed: each prints its time. Returns what they print.
-fn timed_tests(which: &str, effort: u32) -> Result<String, String> {
-    let mut tests = program(&format!("cargo test --workspace {which} -- --nocapture"));
+/// Tests for the night, by parts of their names. Together they take a third of the time of all: programs of hosts on emulated boards, which others play
+/// on native ones; random samples of which the steps before or shorter tests play a part; and the table of docs/torture.md.
+const OF_NIGHT: [&str; 11] = [
+    "host::barrett_serial::barrett_host_moves_and_runs_realtime_on_emulated_boards",
+    "host::btutil::emulated_board_does_the_same",
+    "host::handif::handif_drives_an_emulated_hand",
+    "host::libgripper::libgripper_runs_with_compat_262_on_emulated_boards",
+    "host::serial_bhand::serial_bhand_drives_an_emulated_hand",
+    "emulated::torture::native_and_emulated_verdicts_agree",
+    "profile::half_a_million_replanned_moves_keep_every_guarantee",
+    "short_search_beats_the_defaults_by_6_percent_at_most",
+    "soak::clients_that_come_and_go_for_hours_leave_nothing_behind",
+    "torture::a_sample_of_seeds_holds",
+    "torture::every_fault_bites_is_cleared_and_the_hand_recovers",
+];
+
+/// Runs these tests without those whose names are skipped, timed: each prints its time. Returns what they print.
+fn timed_tests(which: &str, effort: u32, skipped: &[&str]) -> Result<String, String> {
+    let mut tests = program(&format!("cargo test {which} -- --nocapture"));
     tests.env(fuzz::PROPERTY_SEED, fuzz::CI_SEED.to_string()).env("EFFORT", effort.to_string());
     if cfg!(target_os = "linux") {
         // The harness knows times, but gives them only to a nightly compiler or who asks like this; in the environment of the build it would
@@ -198,6 +212,7 @@ fn timed_tests(which: &str, effort: u32) -> Result<String, String> {
         tests.env(format!("CARGO_TARGET_{host}_RUNNER"), "env RUSTC_BOOTSTRAP=1");
         tests.args(["-Zunstable-options", "--report-time"]);
     }
+    tests.args(skipped.iter().flat_map(|name| ["--skip", name]));
     output(tests)
 }
 
@@ -221,38 +236,50 @@ fn timed(line: &str) -> Option<(f64, &str)> {
 const EFFORT: u32 = 10;
 
 fn tests_with_effort() -> Outcome {
-    print!("{}", slowest(&timed_tests("--lib --bins --tests", EFFORT)?));
-    Ok(())
+    // Without it they skip what they cannot do.
+    image::build(Profile::Production).map_err(String::from)?;
+    let text = timed_tests("--lib --bins --tests", EFFORT, &[])?;
+    print!("{}", slowest(&text));
+    has_figures(&text, &[])
+}
+
+/// That no test was skipped for lack of the production image, unless its name is.
+fn has_figures(text: &str, skipped: &[&str]) -> Outcome {
+    let wanted = OF_IMAGE.iter().filter(|(_, test)| !skipped.iter().any(|name| name.starts_with(test)));
+    let missing = |figure: &str| !marked(text, "figure: ").any(|line| line.contains(figure));
+    match wanted.into_iter().find(|(figure, _)| missing(figure)) {
+        None => Ok(()),
+        Some((figure, test)) => Err(format!(
+            "found no figure \"{figure}\": its test was skipped for lack of the production image (step \"image\") or \
+             removed\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
+        )),
+    }
+}
+
+/// What follows the mark in each line that has it.
+fn marked<'a>(text: &'a str, mark: &'a str) -> impl Iterator<Item = &'a str> {
+    text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest)
 }
 
 fn tests() -> Outcome {
     // The step "unit tests" has run the others.
-    let text = timed_tests("--test *", 1)?;
+    let text = timed_tests("--test *", 1, &OF_NIGHT)?;
     // Their harness is rustdoc's own, which gives no times.
-    run(program("cargo test --quiet --workspace --doc"))?;
+    run(program("cargo test --quiet --doc"))?;
     // The workspace turns the formats of traces on.
     run(program("cargo test --quiet --package traces --no-default-features"))?;
     print!("{}", slowest(&text));
-    let marked =
-        |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
-    marked("figure: ").for_each(|figure| println!("  {figure}"));
-    marked("skipped: ").for_each(|what| println!("  skipped: {what}"));
-    for (figure, test) in OF_IMAGE {
-        if !marked("figure: ").any(|line| line.contains(figure)) {
-            return Err(format!(
-                "found no figure \"{figure}\": its test was skipped for lack of the production image (step \"image\") or \
-                 removed\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
-            ));
-        }
-    }
-    let states: u64 = marked("figure: ").filter_map(distinct_states).sum();
+    marked(&text, "figure: ").for_each(|figure| println!("  {figure}"));
+    marked(&text, "skipped: ").for_each(|what| println!("  skipped: {what}"));
+    has_figures(&text, &OF_NIGHT)?;
+    let states: u64 = marked(&text, "figure: ").filter_map(distinct_states).sum();
     println!("  power cuts in all: {states} distinct states");
     let readme = std::fs::read_to_string(root().join("README.md")).map_err(|error| error.to_string())?;
     let least = promised_states(&readme).ok_or("found no \"more than N distinct states\" in README.md")?;
     if states <= least {
         return Err(format!("{states} distinct states after power cuts, README.md says more than {least}"));
     }
-    marked("test result: ").filter(|result| !result.contains(" 0 passed")).for_each(|result| {
+    marked(&text, "test result: ").filter(|result| !result.contains(" 0 passed")).for_each(|result| {
         println!("test result: {result}");
     });
     Ok(())
@@ -283,9 +310,12 @@ fn distinct_states(figure: &str) -> Option<u64> {
 }
 
 fn documentation() -> Outcome {
-    let mut doc = program("cargo doc --quiet --workspace --no-deps");
-    doc.env("RUSTDOCFLAGS", "-D warnings");
-    run(doc)
+    for packages in ["", "--package wraptor-py"] {
+        let mut doc = program(&format!("cargo doc --quiet {packages} --no-deps"));
+        doc.env("RUSTDOCFLAGS", "-D warnings");
+        run(doc)?;
+    }
+    Ok(())
 }
 
 fn scenarios() -> Outcome {
@@ -358,6 +388,34 @@ mod tests {
         let text = "test a::b ... ok <0.500s>\ntest c ... ok <12.000s>\nfigure: 3\ntest d ... ok\n";
         assert_eq!(slowest(text), "    12.0 s  c\n     0.5 s  a::b\n");
         assert_eq!(passed("test result: ok. 12 passed; 0 failed; 0 ignored"), Some(12));
+    }
+
+    #[test]
+    fn tests_of_the_night_exist() {
+        let mut folders = vec![root().join("tests"), root().join("hil-sim/tests")];
+        let mut sources = String::new();
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).expect("readable") {
+                let path = entry.expect("readable").path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else if path.extension().is_some_and(|extension| extension == "rs") {
+                    sources += &std::fs::read_to_string(path).expect("text");
+                }
+            }
+        }
+        for name in OF_NIGHT {
+            let function = name.rsplit("::").next().expect("a name");
+            assert!(sources.contains(&format!("fn {function}(")), "{name}");
+        }
+    }
+
+    #[test]
+    fn figure_of_a_test_is_missed_unless_it_is_skipped() {
+        let text: String =
+            OF_IMAGE.iter().skip(1).map(|(figure, _)| format!("x figure: {figure} 3\n")).collect();
+        assert!(has_figures(&text, &[]).is_err_and(|error| error.contains("edge to bridge")));
+        assert_eq!(has_figures(&text, &["emulated::budgets::a"]), Ok(()));
     }
 
     /// The table of the page has each step once, in order, under its task.

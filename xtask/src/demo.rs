@@ -8,19 +8,17 @@ const SCENARIOS: [&str; 2] = ["spread-full-travel", "link-fast"];
 
 /// Needs no set-up besides cargo.
 pub fn demo() -> Outcome {
-    println!("Building the simulator (six minutes the first time, on two cores) ...");
-    run(program("cargo build --quiet --release --package hil-sim"))?;
+    println!("Building the simulator (three minutes the first time, on two cores) ...");
+    run(program("cargo build --quiet --bin hil-sim"))?;
     for scenario in SCENARIOS {
         println!("\n== {scenario}");
-        run(program(&format!(
-            "cargo run --quiet --release --package hil-sim -- run {scenario} --out out/{scenario}"
-        )))?;
+        run(program(&format!("cargo run --quiet --bin hil-sim -- run {scenario} --out out/{scenario}")))?;
     }
     println!("\nOpen in a browser:");
     for scenario in SCENARIOS {
         println!("  {}", root().join("out").join(scenario).join("report.html").display());
     }
     println!("\nTune by hand, for example:");
-    println!("  cargo run --release -p hil-sim -- run spread-full-travel --set KP=30 --out out/soft");
+    println!("  cargo run --bin hil-sim -- run spread-full-travel --set KP=30 --out out/soft");
     Ok(())
 }

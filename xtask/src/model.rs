@@ -9,7 +9,7 @@ use std::process::Command;
 
 use kinematics::Hand;
 
-use crate::program::{output, program, root, run, target};
+use crate::program::{built, output, root, target};
 use crate::table::difference;
 use crate::{Outcome, files, python};
 
@@ -66,8 +66,7 @@ pub fn check() -> Outcome {
             return Ok(());
         }
     };
-    run(program("cargo build --quiet --package kinematics --example poses"))?;
-    let mut poses = Command::new(target().join("debug/examples/poses"));
+    let mut poses = Command::new(built("examples/poses")?);
     poses.args(POSES).current_dir(root());
     let table = target().join("kinematics/poses.csv");
     files::replace(&table, output(poses)?.as_bytes())?;
