@@ -17,7 +17,6 @@ mod identify;
 mod loops;
 mod metal;
 mod over_can;
-mod plant;
 mod power_cuts;
 mod profile;
 mod protocol;

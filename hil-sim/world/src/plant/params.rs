@@ -241,7 +241,7 @@ impl PlantParams {
         self.validate_together()
     }
 
-    /// With these limits none of 20,000 random plants (tests/plant/accepted.rs says what varies; no objects)
+    /// With these limits none of 20,000 random plants (hil-sim/world/tests/plant/accepted.rs says what varies; no objects)
     /// lost more than 0.5 % of its energy; without them, up to all of it.
     fn validate_together(&self) -> Result<(), ParamError> {
         let at_least = |field, found: f64, least: f64, why| {
