@@ -21,7 +21,6 @@ mod power_cuts;
 mod profile;
 mod protocol;
 mod random_commands;
-mod scenarios;
 mod supply;
 mod targets;
 mod torture;

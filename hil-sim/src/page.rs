@@ -282,3 +282,21 @@ fn short(value: &Value) -> String {
         other => other.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hil_experiment::run::{Options, run};
+    use hil_world::plant::Model;
+
+    #[test]
+    fn page_shows_the_run_and_stands_alone() {
+        let scenario = Scenario::find("spread-full-travel").expect("shipped");
+        let options = Options { seed: 1, model: Model::Averaged, trace: true };
+        let html = html(&scenario, &run(&scenario, &options).expect("it runs"));
+        assert_eq!(html.matches("<svg viewBox=\"0 0 1060 ").count(), 7, "static charts");
+        for outside in ["http:", "https:", "src=", "<link", "@import", "NaN", "inf\""] {
+            assert!(!html.contains(outside), "{outside} in a page that must stand alone");
+        }
+    }
+}
