@@ -22,6 +22,16 @@ pub enum Format {
     Parquet,
 }
 
+impl std::fmt::Display for Format {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str(match self {
+            Self::Csv => "CSV",
+            Self::Mcap => "MCAP",
+            Self::Parquet => "Parquet",
+        })
+    }
+}
+
 /// What files of a format begin with; text begins with anything.
 const BEGINNINGS: [(Format, &[u8]); 2] = [(Format::Mcap, b"\x89MCAP"), (Format::Parquet, b"PAR1")];
 
@@ -62,7 +72,7 @@ impl Format {
         if named == found || found == Self::Csv && !is_text {
             return (named, None);
         }
-        (found, Some(format!("the name says {named:?}, but the content is {found:?}, and is read as such")))
+        (found, Some(format!("the name says {named}, but the content is {found}, and is read as such")))
     }
 
     /// Opens the bytes of a file.
@@ -124,7 +134,7 @@ impl Format {
         TableError::input(
             None,
             "this program was built without the file's format",
-            format!("{self:?}"),
+            self.to_string(),
             "CSV",
             "bring it to CSV: hil-sim convert IN OUT.csv",
         )
@@ -142,7 +152,7 @@ mod tests {
             let error = format.source(bytes.to_vec()).map(|_| ()).expect_err("left out").to_string();
             assert!(error.contains("built without") && error.contains("hil-sim convert"), "{error}");
             let error = format.sink(Vec::new(), &Heading::default()).map(|_| ()).expect_err("left out");
-            assert!(error.to_string().contains(&format!("found {format:?}")), "{error}");
+            assert!(error.to_string().contains(&format!("found {format}")), "{error}");
         }
     }
 }
