@@ -10,6 +10,7 @@ use std::sync::{Arc, Weak};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+#[cfg(target_os = "linux")]
 use tater_wire::Frame;
 
 use crate::deadline::Deadline;
@@ -334,14 +335,17 @@ fn resolve(address: &str, deadline: &Deadline) -> Result<SocketAddr, Cause> {
 }
 
 /// Whether this program or machine has too many files open.
+#[cfg(unix)]
 fn lacks_resources(error: &io::Error) -> bool {
-    #[cfg(unix)]
-    return matches!(
+    matches!(
         rustix::io::Errno::from_io_error(error),
         Some(rustix::io::Errno::MFILE | rustix::io::Errno::NFILE | rustix::io::Errno::NOBUFS)
-    );
-    #[cfg(not(unix))]
-    return false;
+    )
+}
+
+#[cfg(not(unix))]
+fn lacks_resources(_: &io::Error) -> bool {
+    false
 }
 
 #[cfg(unix)]

@@ -161,7 +161,7 @@ fn other_systems() -> Outcome {
     for system in SYSTEMS {
         setup::add(system)?;
         run(program(&format!(
-            "cargo check --quiet --workspace --exclude wraptor-py --exclude system-tests --target {system}"
+            "cargo clippy --quiet --workspace --exclude wraptor-py --exclude system-tests --target {system} -- -D warnings"
         )))?;
     }
     setup::add(BROWSER)?;

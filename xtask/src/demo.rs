@@ -8,7 +8,7 @@ const SCENARIOS: [&str; 2] = ["spread-full-travel", "link-fast"];
 
 /// Needs no set-up besides cargo.
 pub fn demo() -> Outcome {
-    println!("Building the simulator (three minutes the first time, on two cores) ...");
+    println!("Building the simulator (three and a half minutes the first time, on two cores) ...");
     run(program("cargo build --quiet --bin hil-sim"))?;
     for scenario in SCENARIOS {
         println!("\n== {scenario}");

@@ -75,7 +75,7 @@ fn nodes(text: &str) -> Result<Nodes, String> {
 }
 
 enum Connected {
-    Hand(Hand),
+    Hand(Box<Hand>),
     Bus(Bus),
 }
 
@@ -96,7 +96,9 @@ impl DownloadArgs {
 impl Way {
     /// `None`: clap requires one of them.
     fn connect(&self) -> Option<Result<Connected, ConnectError>> {
-        let hand = |connect: Connect| connect.boards(Boards::Any).connect(CONNECT).map(Connected::Hand);
+        let hand = |connect: Connect| {
+            connect.boards(Boards::Any).connect(CONNECT).map(Box::new).map(Connected::Hand)
+        };
         if let Some(address) = &self.host {
             return Some(hand(Connect::tcp(address)));
         }

@@ -27,7 +27,9 @@ pub enum Event {
     InputEnded(u64),
     /// The client with this number neither sends nor reads.
     Gone(u64),
+    #[cfg_attr(not(target_os = "linux"), expect(dead_code, reason = "CAN interfaces are Linux's"))]
     Frame(Frame),
+    #[cfg_attr(not(target_os = "linux"), expect(dead_code, reason = "CAN interfaces are Linux's"))]
     Lost(String),
 }
 

@@ -6,6 +6,7 @@ use tater_wire::Frame;
 
 pub(crate) enum Event {
     Bytes(Vec<u8>),
+    #[cfg_attr(not(target_os = "linux"), expect(dead_code, reason = "CAN interfaces are Linux's"))]
     Frame(Frame),
     Gone(String),
     /// [`Waker::wake`].
