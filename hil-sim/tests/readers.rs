@@ -129,7 +129,7 @@ fn log_of_a_moving_board_is_taken_by_all() {
     for (file, goal) in [("l.csv", 250), ("l.mcap", 30), ("l.parquet", 250)] {
         let orders = [(Property::STAT, 2), (Property::MV, 60), (Property::E, goal), (Property::MODE, 5)];
         order(&served.address, &orders);
-        let log = ["log", "--slcan", &served.address, "--node", "1", "--seconds", "2.5", "--out", file];
+        let log = ["log", "--slcan", &served.address, "--node", "1", "--seconds", "5", "--out", file];
         says(&folder, &log, &[0]);
         is_taken(&folder, file, "T", "P");
     }
