@@ -149,6 +149,14 @@ impl Port {
         Self::start_waiting(Out::Tty(tty)).map_err(|error| Cause::System(error.to_string()))
     }
 
+    /// Fails: nobody has written this for a system that is no Unix.
+    #[cfg(not(unix))]
+    pub fn tty(_: &str, _: u32) -> Result<Self, Cause> {
+        Err(Cause::System(
+            "serial ports are opened on Linux and macOS alone; TCP and SLCAN over TCP work here".to_owned(),
+        ))
+    }
+
     /// Opens a CAN interface of Linux.
     ///
     /// # Errors

@@ -23,6 +23,9 @@ const HEADER: &str = "wraptor/c/include/wraptor.h";
 /// Where the manual's examples are.
 const SECTION7: &str = "wraptor/c/examples/section7";
 
+/// The example that downloads.
+const DOWNLOAD: &str = "downloadFirmware";
+
 /// Functions of section 7.
 const FUNCTIONS: usize = 19;
 
@@ -149,8 +152,11 @@ fn write(path: &Path, text: &str) -> Outcome {
     fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Compiles each example as C99 and as C++17 and runs it against a hand of its own: over TCP, on a serial port, and by CAN. Returns the number of programs.
-fn section7(folder: &Path) -> Result<usize, String> {
+/// The names of section 7's examples: one for each function.
+///
+/// # Errors
+/// Others are there.
+pub fn section7_examples() -> Result<Vec<String>, String> {
     let entries = fs::read_dir(root().join(SECTION7)).map_err(|error| format!("{SECTION7}: {error}"))?;
     let mut names: Vec<String> = entries
         .filter_map(|entry| entry.ok()?.file_name().to_str()?.strip_suffix(".c").map(str::to_owned))
@@ -161,23 +167,43 @@ fn section7(folder: &Path) -> Result<usize, String> {
             "{SECTION7}: found {names:?}, expected one file for each of {FUNCTIONS} functions"
         ));
     }
-    let answers = folder.join("answers.txt");
-    // What downloadFirmware's example asks for.
-    let firmware = host_tools::application()?;
+    Ok(names)
+}
+
+/// Writes what downloadFirmware's example asks for: a file and a board.
+///
+/// # Errors
+/// The image cannot be built, or the file not written.
+pub fn answers(folder: &Path) -> Result<PathBuf, String> {
+    let (answers, firmware) = (folder.join("answers.txt"), host_tools::application()?);
     write(&answers, &format!("{}\n2\n", firmware.display()))?;
+    Ok(answers)
+}
+
+/// A hand for an example.
+///
+/// # Errors
+/// It cannot be started.
+pub fn hand(example: &str) -> Result<Served, String> {
+    // A download's monitor and host measure the same time only in real time.
+    Served::new(if example == DOWNLOAD { REAL } else { FAST })
+}
+
+/// Compiles each example as C99 and as C++17 and runs it against a hand of its own: over TCP, on a serial port, and by CAN. Returns the number of programs.
+fn section7(folder: &Path) -> Result<usize, String> {
+    let names = section7_examples()?;
+    let answers = answers(folder)?;
     let programs: Vec<(&String, Language)> =
         names.iter().flat_map(|name| LANGUAGES.map(|language| (name, language))).collect();
     let failures = in_parallel(&programs, |(name, language)| {
         let program = compile(folder, *language, Path::new(&format!("{SECTION7}/{name}.c")))?;
-        let is_download = name.as_str() == "downloadFirmware";
-        // A download's monitor and host measure the same time only in real time.
-        let hand = Served::new(if is_download { REAL } else { FAST })?;
+        let hand = hand(name)?;
         run_program(&program, place(&hand)?, &[hand.place("discovery")?], input(&answers)?)?;
         if OF_TCP.contains(&name.as_str()) {
             return Ok(());
         }
         // At 9600 baud a download takes 3 minutes (docs/wraptor.md).
-        if !is_download {
+        if name.as_str() != DOWNLOAD {
             let hand = Served::new(SERIAL)?;
             run_program(&program, ("serial", hand.place("pty")?), &[], input(&answers)?)?;
         }
@@ -187,12 +213,17 @@ fn section7(folder: &Path) -> Result<usize, String> {
     if failures.is_empty() { Ok(programs.len()) } else { Err(failures.join("\n")) }
 }
 
-fn input(path: &Path) -> Result<Stdio, String> {
+/// # Errors
+/// The file cannot be opened.
+pub fn input(path: &Path) -> Result<Stdio, String> {
     File::open(path).map(Stdio::from).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Host and port of a hand over TCP.
-fn place(hand: &Served) -> Result<(&str, &str), String> {
+///
+/// # Errors
+/// It has not printed them.
+pub fn place(hand: &Served) -> Result<(&str, &str), String> {
     Ok(hand.place("gcl")?.split_once(':').unwrap_or_default())
 }
 

@@ -11,7 +11,7 @@ use crate::program::{in_parallel, output, program, root, run, simulator};
 use crate::setup::THUMB;
 use crate::{
     Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, mutants,
-    packages, promises, ray_sweep, reports, setup, size, soak, table, wheel,
+    packages, promises, ray_sweep, reports, setup, size, soak, table, wheel, windows,
 };
 
 /// From which task on a step runs.
@@ -35,7 +35,7 @@ const fn step(runs: In, name: &'static str, check: fn() -> Outcome) -> Step {
 }
 
 /// docs/checks.md has them with the reason why each is where it is.
-const STEPS: [Step; 34] = [
+const STEPS: [Step; 35] = [
     step(In::Check, "set-up", setup::install),
     step(In::Check, "format", || run(program("cargo fmt --all --check"))),
     step(In::Check, "clippy, host", clippy_host),
@@ -66,6 +66,7 @@ const STEPS: [Step; 34] = [
     step(In::Nightly, "long torture", long_torture),
     step(In::Nightly, "tests, ten times as many", tests_with_effort),
     step(In::Nightly, "soak", || soak::soak(SOAK_HOURS)),
+    step(In::Nightly, "Windows under Wine", windows::check),
     step(In::Nightly, "sweep under Ray", ray_sweep::check),
     step(In::Nightly, "miri", miri::check),
     step(In::Nightly, "fuzz targets", fuzz::check),

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::program::{program, root, target};
 use crate::setup::{self, THUMB};
-use crate::{Failure, files, flash, reports};
+use crate::{Failure, files, flash, reports, windows};
 
 struct Tool {
     name: &'static str,
@@ -22,7 +22,7 @@ struct Tool {
 /// # Errors
 /// Something is missing that `cargo xtask image` needs.
 pub fn doctor(json: bool) -> Result<(), Failure> {
-    let tools: Vec<Tool> = tools().into_iter().chain(tools_of_c()).collect();
+    let tools: Vec<Tool> = tools().into_iter().chain(tools_of_c()).chain(tools_of_windows()).collect();
     let missing = missing(&tools);
     let text = if json {
         format!(
@@ -112,6 +112,24 @@ fn tools() -> Vec<Tool> {
             reports::INSTALL,
         ),
         tool("valgrind", "`cargo xtask bench`", says("valgrind --version"), "apt-get install valgrind"),
+    ]
+}
+
+/// What runs programs for Windows.
+fn tools_of_windows() -> [Tool; 2] {
+    [
+        tool(
+            "wine",
+            "`cargo xtask windows`: programs for Windows",
+            says("wine --version"),
+            "apt-get install wine",
+        ),
+        tool(
+            windows::COMPILER,
+            "`cargo xtask windows`: builds them",
+            says(&format!("{} --version", windows::COMPILER)),
+            windows::INSTALL_COMPILER,
+        ),
     ]
 }
 

@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `check`, `ci`, `nightly`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `apply`, `emu`, `host-tools`, `c-library`, `fuzz`, `fresh`, `miri`, `mutants`, `defects`, `soak`, `model`, `wheel`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `apply`, `emu`, `host-tools`, `c-library`, `fuzz`, `fresh`, `miri`, `mutants`, `defects`, `soak`, `model`, `wheel`, `windows`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -38,6 +38,7 @@ mod soak;
 mod table;
 mod tek;
 mod wheel;
+mod windows;
 
 use std::process::ExitCode;
 
@@ -119,6 +120,8 @@ enum Chore {
     Reports,
     /// Build the Python wheel into target/wheels and print the command that installs it (installs maturin below target/)
     Wheel(wheel::WheelArgs),
+    /// Build host programs for Windows and run them under Wine
+    Windows,
     /// Run every fuzz target for 30 s from its committed inputs
     Fuzz(fuzz::FuzzArgs),
     /// Play seeds that no run has played: torture chamber, property tests, fuzz targets; before an issue is resolved
@@ -161,6 +164,7 @@ fn main() -> ExitCode {
         Chore::RaySweep => ray_sweep::check().map_err(Failure::from),
         Chore::Reports => reports::check().map_err(Failure::from),
         Chore::Wheel(args) => wheel::wheel(&args),
+        Chore::Windows => windows::check().map_err(Failure::from),
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
         Chore::Fresh(args) => fresh::fresh(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),

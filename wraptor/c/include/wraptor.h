@@ -645,7 +645,8 @@ enum wraptor_error wraptor_tcp_connect(const char *host,
                                        uint32_t limit_ms);
 
 /*
- Connects to a hand on a serial port such as `/dev/ttyUSB0` (manual 1.5); its default is 9600 baud. All else is as over TCP.
+ Connects to a hand on a serial port such as `/dev/ttyUSB0` (manual 1.5); its default is 9600 baud. All else is as over TCP. On Windows
+ it fails.
 
  Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
 

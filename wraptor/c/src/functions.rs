@@ -82,13 +82,13 @@ pub unsafe extern "C" fn wraptor_tcp_connect(
     })
 }
 
-/// Connects to a hand on a serial port such as `/dev/ttyUSB0` (manual 1.5); its default is 9600 baud. All else is as over TCP.
+/// Connects to a hand on a serial port such as `/dev/ttyUSB0` (manual 1.5); its default is 9600 baud. All else is as over TCP. On Windows
+/// it fails.
 ///
 /// Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
 ///
 /// # Safety
 /// `port` is NULL or a string; `hand` is NULL or may be written.
-#[cfg(unix)]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn wraptor_serial_connect(
     port: *const c_char,

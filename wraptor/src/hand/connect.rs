@@ -41,7 +41,6 @@ const REFUSED: Duration = Duration::from_millis(100);
 
 enum Line {
     Tcp,
-    #[cfg(unix)]
     Serial(u32),
     Can,
 }
@@ -64,8 +63,7 @@ impl Connect {
         Self { place: address.to_owned(), line: Line::Tcp, boards: Boards::Wake }
     }
 
-    /// Over a serial port such as `/dev/ttyUSB0`; the hand's default is 9600 baud (parameter BAUD).
-    #[cfg(unix)]
+    /// Over a serial port such as `/dev/ttyUSB0`; the hand's default is 9600 baud (parameter BAUD). On Windows it fails.
     #[must_use]
     pub fn serial(path: &str, baud: u32) -> Self {
         Self { place: path.to_owned(), line: Line::Serial(baud), boards: Boards::Wake }
@@ -106,7 +104,6 @@ impl Connect {
         loop {
             let port = match self.line {
                 Line::Tcp => Port::tcp(&self.place, deadline)?,
-                #[cfg(unix)]
                 Line::Serial(baud) => Port::tty(&self.place, baud)?,
                 Line::Can => {
                     let mut adapter = adapter(&self.place, deadline)?;
