@@ -9,6 +9,7 @@ use std::io::{Cursor, Seek, Write};
 
 use mcap::read::LinearReader;
 use mcap::records::{MessageHeader, Metadata, Record};
+use mcap::sans_io::{self, LinearReadEvent, LinearReaderOptions};
 use mcap::write::NoSeek;
 use mcap::{McapError, MessageStream, Summary, WriteOptions};
 use serde::{Deserialize, Serialize};
@@ -215,11 +216,49 @@ pub struct Reader {
     heading: Heading,
     /// Whether the rows are read one by one up to the last whole one.
     is_appended: bool,
+    notes: Vec<String>,
 }
 
 /// The records of a file up to the first that is not whole.
 fn records(bytes: &[u8]) -> impl Iterator<Item = Record<'_>> {
     LinearReader::sans_magic(bytes.strip_prefix(mcap::MAGIC).unwrap_or_default()).map_while(Result::ok)
+}
+
+/// Whether a file has its end; the sums of its parts are compared as far as it goes. A log that was cut off has none.
+fn has_end(bytes: &[u8]) -> Result<bool, TableError> {
+    let options = LinearReaderOptions::default()
+        .with_validate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(bytes.len());
+    let mut reader = sans_io::LinearReader::new_with_options(options);
+    let mut rest = bytes;
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(size)) => {
+                let (given, left) = rest.split_at(size.min(rest.len()));
+                reader.insert(given.len()).copy_from_slice(given);
+                reader.notify_read(given.len());
+                rest = left;
+            }
+            Ok(LinearReadEvent::Record { .. }) => {}
+            Err(
+                error @ (McapError::BadChunkCrc { .. }
+                | McapError::BadDataCrc { .. }
+                | McapError::BadSummaryCrc { .. }),
+            ) => {
+                return Err(TableError::input(
+                    None,
+                    "the file is damaged",
+                    error.to_string(),
+                    "the bytes that were written",
+                    "copy it again from where it was recorded, or record it again",
+                ));
+            }
+            Err(_) => return Ok(false),
+        }
+    }
+    Ok(true)
 }
 
 /// A metadata record of a file that is written row by row.
@@ -239,6 +278,7 @@ impl Reader {
     /// # Errors
     /// Bytes that are no whole MCAP file, or a file of another program. A log may lack its end.
     pub fn new(bytes: Vec<u8>) -> Result<Self, TableError> {
+        let has_end = has_end(&bytes)?;
         let is_appended = appended(&bytes, COLUMNS).is_some_and(|columns| columns.contains_key(APPENDED));
         let summary = if is_appended { None } else { Summary::read(&bytes)? };
         let indexes = summary.map(|summary| summary.metadata_indexes).unwrap_or_default();
@@ -269,13 +309,19 @@ impl Reader {
         }
         metadata.extend(facts);
         let columns = columns.into_iter().map(column).collect::<Result<Vec<_>, TableError>>()?;
-        Ok(Self { heading: Heading { columns, metadata }, bytes, is_appended })
+        let note = "the recording breaks off; its rows are read up to there".to_owned();
+        let notes = if has_end { Vec::new() } else { vec![note] };
+        Ok(Self { heading: Heading { columns, metadata }, bytes, is_appended, notes })
     }
 }
 
 impl Source for Reader {
     fn heading(&self) -> &Heading {
         &self.heading
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
@@ -313,5 +359,68 @@ impl Reader {
             cell.ok_or_else(|| TableError::place(row, &column.name, value.to_string(), "a value of its kind"))
         });
         sink(&cells.collect::<Result<Vec<_>, TableError>>()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heading() -> Heading {
+        let columns = vec![Column::new(TIME, "ms", Kind::Float), Column::new("bus_v", "V", Kind::Float)];
+        Heading { columns, ..Heading::default() }
+    }
+
+    fn rows(sink: &mut dyn Sink) {
+        for ms in 0..9 {
+            sink.row(&[Cell::Float(ms.into()), Cell::Float(24.5)]).expect("a row");
+        }
+        sink.finish().expect("memory");
+    }
+
+    fn appended() -> Vec<u8> {
+        let mut bytes = Vec::new();
+        rows(&mut Appender::new(&mut bytes, &heading()).expect("a file"));
+        bytes
+    }
+
+    fn whole() -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        rows(&mut Writer::new(&mut out, &heading()).expect("a file"));
+        out.into_inner()
+    }
+
+    /// The file with another digit in its last 24.5.
+    fn damaged(mut bytes: Vec<u8>) -> Vec<u8> {
+        let at = bytes.windows(4).rposition(|part| part == b"24.5").expect("a row");
+        bytes[at] = b'9';
+        bytes
+    }
+
+    #[test]
+    fn damaged_row_is_refused() {
+        for bytes in [appended(), whole()] {
+            let reader = Reader::new(bytes.clone()).expect("as written");
+            assert_eq!(reader.notes(), &[] as &[String]);
+            let error =
+                Reader::new(damaged(bytes)).err().map(|error| format!("{error:?}")).expect("an error");
+            assert!(error.contains("the file is damaged"), "{error}");
+        }
+    }
+
+    #[test]
+    fn log_that_breaks_off_says_so() {
+        let mut bytes = appended();
+        bytes.truncate(bytes.windows(4).rposition(|part| part == b"24.5").expect("a row"));
+        let reader = Reader::new(bytes).expect("its whole rows");
+        assert!(reader.notes()[0].contains("breaks off"), "{:?}", reader.notes());
+        let mut found = 0;
+        reader
+            .rows(&mut |_| {
+                found += 1;
+                Ok(())
+            })
+            .expect("whole rows");
+        assert_eq!(found, 8);
     }
 }
