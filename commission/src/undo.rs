@@ -98,7 +98,7 @@ impl Undo {
             .expected("old values as `apply` keeps them (docs/tuning.md)")
             .next("correct the file; it has what the boards held before")
         };
-        let text = match std::fs::read_to_string(path) {
+        let text = match files::read_text(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             read => read.map_err(|error| bad(0, "cannot be read", &error.to_string()))?,
         };

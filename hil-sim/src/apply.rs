@@ -1,11 +1,10 @@
 //! `hil-sim apply`: writes tuned values to boards and takes them back; `cargo xtask apply` starts it.
 
 use std::error::Error;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use programs::files;
 use serde_json::{Value, json};
 use tater_wire::{MotorKind, Node as Id};
 
@@ -18,9 +17,6 @@ use hil_tuning::tuned::{Motor, Tuned};
 use programs::interrupt;
 use programs::output::warn;
 use traces::input::BadInput;
-
-/// Largest file: one of three motors with every property has 6 KiB.
-const MOST_BYTES: u64 = 1 << 20;
 
 #[derive(clap::Args)]
 pub struct ApplyArgs {
@@ -140,15 +136,7 @@ fn read(path: &Path) -> Result<String, BadInput> {
             .expected("a file of `hil-sim export`")
             .next("make it: hil-sim export DIR --to tuned.json")
     };
-    let mut text = Vec::new();
-    let file = File::open(path).map_err(|error| bad("cannot be read", error.to_string()))?;
-    file.take(MOST_BYTES + 1)
-        .read_to_end(&mut text)
-        .map_err(|error| bad("cannot be read", error.to_string()))?;
-    if text.len() as u64 > MOST_BYTES {
-        return Err(bad("is too long", "more than 1 MiB".to_owned()));
-    }
-    String::from_utf8(text).map_err(|error| bad("is no text", error.to_string()))
+    files::read_text(path).map_err(|error| bad("cannot be read", error.to_string()))
 }
 
 fn adapter(args: &ApplyArgs) -> Result<Adapter, BadInput> {

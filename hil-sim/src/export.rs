@@ -21,7 +21,7 @@ pub struct ExportArgs {
 /// No result in the folder, one that did not pass its validation, or a file that cannot be written.
 pub fn export(args: &ExportArgs) -> Result<(), Box<dyn Error>> {
     let source = args.dir.join("tuned.json");
-    let text = std::fs::read_to_string(&source).map_err(|error| {
+    let text = files::read_text(&source).map_err(|error| {
         BadInput::new(source.display().to_string(), "cannot be read")
             .found(error.to_string())
             .expected("the folder of `hil-sim tune --out`")

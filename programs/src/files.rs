@@ -1,12 +1,31 @@
-//! Files replaced atomically, each alone or together with those that it describes.
+//! Files replaced atomically, each alone or together with those that it describes; small files read whole.
 
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, TempPath};
 
 use super::interrupt;
+
+/// Longest file of [`read_text`], bytes.
+const MOST_TEXT: u64 = 1 << 20;
+
+/// Reads a text of 1 MiB at most.
+///
+/// # Errors
+/// Those of the file system, a longer file, one that is no text, and what is no file: a pipe or a device may have no end.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "a folder, a pipe or a device"));
+    }
+    let mut text = String::new();
+    File::open(path)?.take(MOST_TEXT + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > MOST_TEXT {
+        return Err(io::Error::new(ErrorKind::FileTooLarge, "more than 1 MiB"));
+    }
+    Ok(text)
+}
 
 /// Replaces a file atomically: writes a temporary file beside it and renames it. Keeps symbolic links; writes to pipes and
 /// devices directly.
@@ -128,6 +147,22 @@ impl Drop for Part {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_without_an_end_is_not_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let long = folder.path().join("long");
+        fs::write(&long, vec![b' '; 1 << 20]).expect("ours");
+        assert_eq!(read_text(&long).map(|text| text.len()).ok(), Some(1 << 20));
+        fs::write(&long, vec![b' '; (1 << 20) + 1]).expect("ours");
+        assert_eq!(read_text(&long).map_err(|error| error.kind()), Err(ErrorKind::FileTooLarge));
+        assert_eq!(read_text(folder.path()).map_err(|error| error.kind()), Err(ErrorKind::InvalidInput));
+        #[cfg(unix)]
+        assert_eq!(
+            read_text(Path::new("/dev/zero")).map_err(|error| error.kind()),
+            Err(ErrorKind::InvalidInput)
+        );
+    }
 
     #[test]
     fn read_only_file_is_kept() {
