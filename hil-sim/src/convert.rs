@@ -51,13 +51,13 @@ impl Write for Pending {
 pub fn convert(args: &ConvertArgs) -> Result<(), BadInput> {
     let ConvertArgs { input, output } = args;
     let format = Format::of(output)?;
-    if is_same_file(input, output) {
+    let (input, source) = open::trace(input)?;
+    if is_same_file(&input, output) {
         return Err(BadInput::new(output.display().to_string(), "the trace would overwrite itself")
             .found("one file for both")
             .expected("a file of its own for the result")
             .next("choose another path"));
     }
-    let (input, source) = open::trace(input)?;
     copy(source.as_ref(), &input, output, format)
 }
 
