@@ -42,9 +42,17 @@ enum Role {
     Phase,
 }
 
+/// Units that are read.
+const UNITS: [&str; 13] =
+    ["hz", "khz", "mhz", "millihz", "rad/s", "db", "deg", "degree", "degrees", "°", "rad", "radians", "v/v"];
+
+/// Words that make another quantity of a column, or another unit.
+const OTHER: [&str; 9] = ["lag", "margin", "log", "log10", "rpm", "norm", "normalized", "order", "percent"];
+
 /// A column's name in parts.
 struct Name {
     role: Role,
+    /// Of [`UNITS`], empty, or one that is not read.
     unit: String,
     /// The words that are neither: the channel.
     channel: Vec<String>,
@@ -52,17 +60,22 @@ struct Name {
 
 impl Name {
     fn parse(text: &str) -> Option<Self> {
-        let lower = text.to_lowercase();
+        // Of all units only the case of millihertz says something.
+        let lower = text.replace("mHz", "millihz").to_lowercase();
+        let bracketed =
+            lower.trim_end().strip_suffix([')', ']']).and_then(|rest| rest.rsplit_once(['(', '[']));
         let mut words: Vec<&str> = lower
             .split(|c: char| !c.is_alphanumeric() && c != '°' && c != '/')
             .filter(|word| !word.is_empty())
             .collect();
-        let unit = words.last().copied().filter(|word| {
-            ["hz", "khz", "mhz", "rad/s", "db", "deg", "degree", "degrees", "°", "rad", "radians", "v/v"]
-                .contains(word)
-        });
+        let unit = words.last().copied().filter(|word| UNITS.contains(word));
         let mut unit = unit.unwrap_or_default().to_owned();
         words.truncate(words.len() - usize::from(!unit.is_empty()));
+        let other =
+            bracketed.map(|(_, unit)| unit.trim()).filter(|unit| !UNITS.contains(unit) && !unit.is_empty());
+        if let Some(other) = other.or_else(|| words.iter().copied().find(|word| OTHER.contains(word))) {
+            unit = other.to_owned();
+        }
         // freq_rad_s
         if let [.., "rad", "s"] = words[..] {
             words.truncate(words.len() - 2);
@@ -115,6 +128,7 @@ impl Columns {
         let of = |role: Role| names.iter().filter(move |(_, name)| name.role == role).collect::<Vec<_>>();
         let (hz, frequency) = one(table, &of(Role::Frequency), "freq_hz")?;
         let hz_scale = match frequency.unit.as_str() {
+            "millihz" => 1e-3,
             "khz" => 1e3,
             "mhz" => 1e6,
             "rad/s" => 1.0 / TAU,
@@ -206,6 +220,15 @@ impl Columns {
 /// The only column of a part.
 fn one<'a>(table: &Numbers, found: &[&'a (usize, Name)], name: &str) -> Result<(usize, &'a Name), BadInput> {
     match found {
+        [(at, parsed)] if !parsed.unit.is_empty() && !UNITS.contains(&parsed.unit.as_str()) => {
+            let header = table.name(*at);
+            Err(table.bad_file(
+                format!("{header}: another unit or quantity than a response has"),
+                shorten(&parsed.unit),
+                "Hz, kHz, MHz, mHz or rad/s; dB or none; degrees or radians".to_owned(),
+                &format!("convert the column, or say what it is: --columns \"{name}={header}\""),
+            ))
+        }
         [(at, parsed)] => Ok((*at, parsed)),
         [] => Err(table.need(&[name], EXPECTED).err().unwrap_or_else(|| {
             table.bad_file(
@@ -242,6 +265,27 @@ mod tests {
     }
 
     /// −j/2 at 10 Hz, as analyzers and libraries write it.
+    #[test]
+    fn unit_that_is_not_read_is_refused() {
+        let first = |header: &str| first(&format!("{header}\n10,1,-90\n20,0.5,-90\n"), &[]);
+        let milli = first("Frequency (mHz),mag,phase_deg").expect("millihertz");
+        assert!((milli.hz - 0.01).abs() < 1e-12, "{milli:?}");
+        for (header, unit) in [
+            ("Frequency (rpm),mag,phase_deg", "rpm"),
+            ("Frequency (krad/s),mag,phase_deg", "krad/s"),
+            ("Log Frequency (Hz),mag,phase_deg", "log"),
+            ("freq_rpm,mag,phase_deg", "rpm"),
+            ("freq_hz,Magnitude (dBm),phase_deg", "dbm"),
+            ("freq_hz,mag_percent,phase_deg", "percent"),
+            ("freq_hz,mag,Phase (turns)", "turns"),
+            ("freq_hz,mag,Phase Lag (deg)", "lag"),
+            ("freq_hz,mag,Phase Margin (deg)", "margin"),
+        ] {
+            let error = first(header).expect_err(header).to_string();
+            assert!(error.contains(&format!("found:    {unit}\n")) && error.contains("--columns"), "{error}");
+        }
+    }
+
     #[test]
     fn headers_of_analyzers_are_known() {
         for csv in [
