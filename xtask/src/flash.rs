@@ -136,7 +136,7 @@ fn stored(args: &FlashArgs, values: &[String]) -> Result<Option<PathBuf>, Failur
 /// The storage in a file with these properties, written by the firmware's own journal.
 fn with(storage: &Path, values: &[String]) -> Result<Vec<u8>, Failure> {
     let values = values.join(" ");
-    let mut journal = program(&format!("cargo run --quiet --package hil-sim --bin storage-id -- {values}"));
+    let mut journal = program(&format!("cargo run --quiet --bin storage-id -- {values}"));
     let line = typed(&journal);
     let file = File::open(storage).map_err(|error| files::unreadable(storage, &error))?;
     let output = journal.stdin(Stdio::from(file)).stderr(Stdio::inherit()).output();
