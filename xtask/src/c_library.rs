@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::program::{
-    built, in_parallel, installed, output, output_of_both, program, root, run, succeeds, target, typed,
+    in_parallel, installed, output, output_of_both, program, root, run, succeeds, target, typed,
 };
 use crate::served::Served;
 use crate::table::difference;
@@ -107,12 +107,10 @@ fn header() -> Result<String, String> {
 
 /// Builds the library and copies it to the names that programs link, with headers, pkg-config and CMake files.
 fn install(folder: &Path, is_release: bool) -> Outcome {
-    let library = if is_release {
-        run(program("cargo build --quiet --package wraptor-c --lib --release"))?;
-        target().join("release/libwraptor_c.so")
-    } else {
-        built("libwraptor_c.so")?
-    };
+    // Alone: what other packages ask of nix cannot be linked statically.
+    let (option, profile) = if is_release { (" --release", "release") } else { ("", "debug") };
+    run(program(&format!("cargo build --quiet --package wraptor-c --lib{option}")))?;
+    let library = target().join(profile).join("libwraptor_c.so");
     let (lib, package) = (folder.join("lib"), root().join("wraptor/c/package"));
     let shared = format!("libwraptor.so.{VERSION}");
     copy(&library, &lib.join(&shared))?;

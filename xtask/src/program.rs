@@ -47,8 +47,7 @@ pub fn run(mut command: Command) -> Result<(), String> {
     }
 }
 
-/// Path of the project's own program, of an example such as `examples/run_speed`, or of a library for other languages, with the checks' profile; all
-/// are built at once.
+/// Path of the project's own program, or of an example such as `examples/run_speed`, with the checks' profile; all are built at once.
 ///
 /// # Errors
 /// The build's.
@@ -56,7 +55,7 @@ pub fn built(name: &str) -> Result<PathBuf, String> {
     static ONCE: Mutex<bool> = Mutex::new(false);
     let mut is_built = ONCE.lock().unwrap_or_else(PoisonError::into_inner);
     if !*is_built {
-        run(program("cargo build --quiet --lib --bins --examples"))?;
+        run(program("cargo build --quiet --bins --examples"))?;
         *is_built = true;
     }
     Ok(target().join("debug").join(name))
