@@ -154,7 +154,7 @@ fn passed(line: &str) -> Option<u64> {
 }
 
 /// Systems for which the programs of a host are checked, and the browser, for which the simulated world is.
-const SYSTEMS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
+const SYSTEMS: [&str; 2] = [windows::SYSTEM, "aarch64-apple-darwin"];
 const BROWSER: &str = "wasm32-unknown-unknown";
 
 /// Checks, without a linker for them, that host programs compile for other systems.

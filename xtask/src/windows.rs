@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::c_library::{self, place};
-use crate::program::{in_parallel, output, program, run, simulator, succeeds, target, typed};
+use crate::program::{built, in_parallel, output, program, run, simulator, succeeds, target, typed};
 use crate::served::Served;
 use crate::{Outcome, files, setup};
 
-const SYSTEM: &str = "x86_64-pc-windows-gnu";
+/// The target of the programs.
+pub const SYSTEM: &str = "x86_64-pc-windows-gnu";
 
 pub const COMPILER: &str = "x86_64-w64-mingw32-gcc";
 pub const INSTALL_COMPILER: &str = "apt-get install gcc-mingw-w64-x86-64";
@@ -77,14 +78,22 @@ fn same_run() -> Outcome {
     Ok(())
 }
 
+/// The terminal's last answer is that of this system's terminal.
 fn terminal() -> Outcome {
     let script = folder().join("entries.txt");
     files::replace(&script, ENTRIES.as_bytes())?;
-    let hand = Served::new(HAND)?;
-    let mut terminal = wine(&folder().join("wraptor.exe"));
-    terminal.args(["--connect", hand.place("gcl")?, "--script"]).arg(&script).stdin(Stdio::null());
-    let said = output(terminal)?;
-    println!("  terminal: {}", said.lines().last().unwrap_or_default());
+    let answer = |mut terminal: Command| {
+        let hand = Served::new(HAND)?;
+        terminal.args(["--connect", hand.place("gcl")?, "--script"]).arg(&script).stdin(Stdio::null());
+        let said = output(terminal)?;
+        Ok::<_, String>(said.lines().last().unwrap_or_default().to_owned())
+    };
+    let (here, there) =
+        (answer(Command::new(built("wraptor")?))?, answer(wine(&folder().join("wraptor.exe")))?);
+    if here != there {
+        return Err(format!("terminal: found {there:?}, expected {here:?} as on this system"));
+    }
+    println!("  terminal: {there}");
     Ok(())
 }
 
