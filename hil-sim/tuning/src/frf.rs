@@ -43,8 +43,10 @@ enum Role {
 }
 
 /// Units that are read.
-const UNITS: [&str; 13] =
-    ["hz", "khz", "mhz", "millihz", "rad/s", "db", "deg", "degree", "degrees", "°", "rad", "radians", "v/v"];
+const UNITS: [&str; 16] = [
+    "hz", "khz", "mhz", "millihz", "rad/s", "db", "deg", "degree", "degrees", "°", "rad", "radians", "v/v",
+    "abs", "linear", "ratio",
+];
 
 /// Words that make another quantity of a column, or another unit.
 const OTHER: [&str; 9] = ["lag", "margin", "log", "log10", "rpm", "norm", "normalized", "order", "percent"];
@@ -60,7 +62,7 @@ struct Name {
 
 impl Name {
     fn parse(text: &str) -> Option<Self> {
-        // Of all units only the case of millihertz says something.
+        // mHz and MHz differ in case alone.
         let lower = text.replace("mHz", "millihz").to_lowercase();
         let bracketed =
             lower.trim_end().strip_suffix([')', ']']).and_then(|rest| rest.rsplit_once(['(', '[']));
@@ -264,7 +266,6 @@ mod tests {
         Columns::find(&table, &given)?.point(&table, 0)
     }
 
-    /// −j/2 at 10 Hz, as analyzers and libraries write it.
     #[test]
     fn unit_that_is_not_read_is_refused() {
         let first = |header: &str| first(&format!("{header}\n10,1,-90\n20,0.5,-90\n"), &[]);
@@ -286,6 +287,7 @@ mod tests {
         }
     }
 
+    /// −j/2 at 10 Hz, as analyzers and libraries write it.
     #[test]
     fn headers_of_analyzers_are_known() {
         for csv in [
@@ -297,6 +299,7 @@ mod tests {
             "Frequency (Hz);Trace 1: Gain: Magnitude (dB);Trace 1: Gain: Phase (°)\n10;-6.0206;-90\n",
             "Frequency[Hz],Gain[dB],Phase[deg]\n10,-6.0206,-90\n",
             "Frequency(Hz)\tAmplitude(dB)\tPhase(Deg)\n10\t-6.0206\t270\n",
+            "Frequency (Hz),Magnitude (abs),Phase (deg)\n10,0.5,-90\n",
             "Freq,Mag,Phase_rad\n10,0.5,-1.5707963267948966\n",
             "freq_rad_s,mag,phase_deg\n62.83185307179586,0.5,-90\n",
             "f (kHz),gain (dB),phase (°)\n0.01,-6.0206,-90\n",
