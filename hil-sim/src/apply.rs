@@ -4,7 +4,6 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use programs::files;
 use serde_json::{Value, json};
 use tater_wire::{MotorKind, Node as Id};
 
@@ -14,8 +13,8 @@ use commission::apply::{Board, Broken, Present, State};
 use commission::excite::Failure;
 use commission::undo::{Kept, Undo, path_of, read_boards, write_back, write_kept};
 use hil_tuning::tuned::{Motor, Tuned};
-use programs::interrupt;
 use programs::output::warn;
+use programs::{files, interrupt};
 use traces::input::BadInput;
 
 #[derive(clap::Args)]

@@ -1,8 +1,6 @@
 //! `hil-sim compare`: runs and recordings, read from files.
 
 use std::error::Error;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -14,9 +12,6 @@ use programs::files;
 use programs::output::warn;
 use traces::input::BadInput;
 use traces::numbers::bad;
-
-/// Largest run.json, bytes; one is some kilobytes.
-const MOST_BYTES: u64 = 1 << 20;
 
 /// The arguments of `hil-sim compare`.
 #[derive(clap::Args)]
@@ -112,10 +107,8 @@ fn stored(path: &Path) -> Result<Value, BadInput> {
             .expected("a file that `hil-sim run --out` has written")
             .next("make the run again, or give its trace.csv alone")
     };
-    let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes));
-    read.map_err(|e| error(e.to_string()))?;
-    serde_json::from_slice(&bytes).map_err(|e| error(e.to_string()))
+    let text = files::read_text(path).map_err(|e| error(e.to_string()))?;
+    serde_json::from_str(&text).map_err(|e| error(e.to_string()))
 }
 
 fn write(out: &Path, inputs: &[PathBuf], comparison: &Comparison) -> Result<(), BadInput> {
