@@ -228,6 +228,18 @@ fn crates_have_only_allowed_dependencies() {
     );
 }
 
+/// A crate that is missing there would be linted and tested by nothing.
+#[test]
+fn default_members_are_all_but_the_wheel() {
+    let manifests = files("toml");
+    let manifest = manifests.iter().find(|file| file.path == "Cargo.toml").expect("the workspace");
+    let manifest: Table = manifest.text.parse().expect("cargo reads it");
+    let list = |key: &str| manifest["workspace"][key].as_array().expect("a list").clone();
+    let mut members = list("members");
+    members.retain(|member| member.as_str() != Some("wraptor/python"));
+    assert_eq!(list("default-members"), members);
+}
+
 /// The rows of the table "Which crate may import which", each with its line, its crate and what that imports.
 fn table(page: &Source) -> Vec<(usize, &str, Vec<&str>)> {
     let rows = page.text.lines().enumerate().skip_while(|(_, line)| *line != "| crate | imports |").skip(2);
