@@ -186,7 +186,7 @@ fn build_thumb() -> Outcome {
     run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
 }
 
-/// Tests for the night, by parts of their names. Together they take a third of the time of all: programs of hosts on emulated boards, which others play
+/// Tests for the night, by parts of their names. Together they take a quarter of the time of all: programs of hosts on emulated boards, which others play
 /// on native ones; random samples of which the steps before or shorter tests play a part; and the table of docs/torture.md.
 const OF_NIGHT: [&str; 11] = [
     "host::barrett_serial::barrett_host_moves_and_runs_realtime_on_emulated_boards",
