@@ -110,16 +110,16 @@ fn install(folder: &Path, is_release: bool) -> Outcome {
     // Alone: what other packages ask of nix cannot be linked statically.
     let (option, profile) = if is_release { (" --release", "release") } else { ("", "debug") };
     run(program(&format!("cargo build --quiet --package wraptor-c --lib{option}")))?;
-    let library = target().join(profile).join("libwraptor_c.so");
+    let built = target().join(profile);
     let (lib, package) = (folder.join("lib"), root().join("wraptor/c/package"));
     let shared = format!("libwraptor.so.{VERSION}");
-    copy(&library, &lib.join(&shared))?;
+    copy(&built.join("libwraptor_c.so"), &lib.join(&shared))?;
     for link in ["libwraptor.so.0", "libwraptor.so"] {
         let mut ln = program("ln --symbolic --force");
         ln.arg(&shared).arg(lib.join(link));
         run(ln)?;
     }
-    copy(&library.with_extension("a"), &lib.join("libwraptor.a"))?;
+    copy(&built.join("libwraptor_c.a"), &lib.join("libwraptor.a"))?;
     for name in ["wraptor.h", "wraptor_compat.h"] {
         copy(&root().join("wraptor/c/include").join(name), &folder.join("include").join(name))?;
     }
@@ -140,7 +140,11 @@ fn in_folder(path: &Path) -> Outcome {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))
 }
 
-fn copy(from: &Path, to: &Path) -> Outcome {
+/// Copies a file, into a folder that is made.
+///
+/// # Errors
+/// Those of the file system.
+pub fn copy(from: &Path, to: &Path) -> Outcome {
     in_folder(to)?;
     fs::copy(from, to).map(drop).map_err(|error| format!("{} to {}: {error}", from.display(), to.display()))
 }

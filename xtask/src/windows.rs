@@ -99,11 +99,8 @@ fn terminal() -> Outcome {
 
 fn examples() -> Outcome {
     let programs = folder().join("section7");
-    std::fs::create_dir_all(&programs).map_err(|error| format!("{}: {error}", programs.display()))?;
     for library in ["wraptor_c.dll", "bcryptprimitives.dll"] {
-        let from = folder().join(library);
-        std::fs::copy(&from, programs.join(library))
-            .map_err(|error| format!("{}: {error}", from.display()))?;
+        c_library::copy(&folder().join(library), &programs.join(library))?;
     }
     let (names, answers) = (c_library::section7_examples()?, c_library::answers(&programs)?);
     let failures = in_parallel(&names, |name| {
