@@ -1,4 +1,4 @@
-//! What the pages say of the seeds of `ci` against what these reach: the last column of the promises in docs/safety.md, and README's hours.
+//! What the pages say of the seeds 1 to 1000 against what these reach: the last column of the promises in docs/safety.md, and README's hours.
 
 use serde_json::Value;
 
