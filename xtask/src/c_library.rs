@@ -316,7 +316,8 @@ mod tests {
     /// The example asks for a version that an installation takes as its own: the same first two numbers.
     #[test]
     fn example_asks_for_this_version() {
-        let lists = std::fs::read_to_string(root().join("wraptor/c/examples/cmake/CMakeLists.txt")).expect("text");
+        let lists =
+            std::fs::read_to_string(root().join("wraptor/c/examples/cmake/CMakeLists.txt")).expect("text");
         let (minor, _) = VERSION.rsplit_once('.').expect("three numbers");
         assert!(lists.contains(&format!("find_package(wraptor {minor} REQUIRED)")), "{lists}");
     }
