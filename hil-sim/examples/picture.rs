@@ -1,9 +1,9 @@
 //! The charts of a shipped scenario as one SVG file, for documents:
 //! `cargo run --release -p hil-sim --example picture -- spread-full-travel Position Velocity > docs/spread-full-travel.svg`
 
+use hil_experiment::page;
 use hil_experiment::run::{Options, run};
 use hil_experiment::scenario::Scenario;
-use hil_sim::page;
 use hil_world::plant::Model;
 
 fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {

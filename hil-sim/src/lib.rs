@@ -18,7 +18,6 @@ mod log;
 mod margins;
 mod open;
 mod output;
-pub mod page;
 mod serve;
 pub mod simulated;
 pub mod slcan;

@@ -101,7 +101,7 @@ const ARROWS: [Arrows; 22] = [
     // toml: scenarios. flate2: recordings. fixed: estimates of a replay.
     Arrows {
         package: "hil-experiment",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "traces", "hil-world"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "traces", "charts", "hil-world"],
         others: Some(&["fixed", "flate2", "rand", "rand_pcg", "serde", "serde_json", "toml"]),
     },
     // wraptor: lines of SLCAN.

@@ -8,6 +8,7 @@ pub mod grasp;
 pub mod metrics;
 pub mod over_can;
 pub mod packets;
+pub mod page;
 pub mod picture;
 pub mod properties;
 pub mod replay;

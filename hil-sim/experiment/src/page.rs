@@ -2,13 +2,13 @@
 
 use std::fmt::Write;
 
+use crate::metrics::{METRICS, Value, end_word};
+use crate::properties::PROPERTIES;
+use crate::report::model_name;
+use crate::run::{MotorRun, Outcome};
+use crate::scenario::{Case, Scenario};
+use crate::trace::{COLUMNS, Trace};
 use charts::{Chart, Column, Mark, Series, Sheet, escape};
-use hil_experiment::metrics::{METRICS, Value, end_word};
-use hil_experiment::properties::PROPERTIES;
-use hil_experiment::report::model_name;
-use hil_experiment::run::{MotorRun, Outcome};
-use hil_experiment::scenario::{Case, Scenario};
-use hil_experiment::trace::{COLUMNS, Trace};
 
 const HEADLINES: [(&str, &str, &str); 8] = [
     ("end_ms", "end of move", "ms"),
@@ -286,7 +286,7 @@ fn short(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hil_experiment::run::{Options, run};
+    use crate::run::{Options, run};
     use hil_world::plant::Model;
 
     #[test]
