@@ -30,12 +30,10 @@ use super::torture::{self, TortureArgs};
 use super::tune::{self, TuneArgs};
 use super::worker;
 use hil_experiment::events::{self, Event};
-use hil_experiment::page;
 use hil_experiment::replay::{Replayed, Tally, replay};
 use hil_experiment::report;
 use hil_experiment::run::{Options, Outcome, run as simulate};
 use hil_experiment::scenario::{FIGURES, SHIPPED, Scenario};
-use hil_experiment::trace::{Trace, write_csv};
 use hil_world::plant::Model;
 use programs::files;
 use programs::interrupt;
@@ -304,12 +302,8 @@ fn spinner(scenario: &Scenario) -> Option<Sender<()>> {
 }
 
 fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(), BadInput> {
-    let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
-    let mut csv = Vec::new();
-    write_csv(&mut csv, &traces).expect("memory takes any bytes");
-    let json = format!("{:#}\n", report::stored(scenario, outcome, COMMIT));
-    let html = page::html(scenario, outcome);
-    write_folder(dir, &[("trace.csv", &csv), ("run.json", json.as_bytes()), ("report.html", html.as_bytes())])
+    let files = report::files(scenario, outcome, COMMIT);
+    write_folder(dir, &files.each_ref().map(|(name, bytes)| (*name, bytes.as_slice())))
 }
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
