@@ -1,7 +1,5 @@
 //! `hil-sim export` and `apply` from the command line, with boards of `hil-sim bus`.
 
-mod served;
-
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
@@ -10,7 +8,7 @@ use std::thread::{JoinHandle, spawn};
 
 use serde_json::Value;
 
-use served::{Served, damaging, serve};
+use crate::served::{Served, damaging, serve};
 
 /// A folder with the result of a tune.
 fn folder(name: &str, motors: &[(&str, &str)]) -> PathBuf {

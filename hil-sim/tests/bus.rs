@@ -1,13 +1,11 @@
 //! `hil-sim bus` with a CAN tool over SLCAN and TCP.
 
-mod served;
-
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use served::{Served, serve, start};
+use crate::served::{Served, serve, start};
 
 /// Simultaneous clients, more than a server with [`FILES`] can have.
 #[cfg(unix)]

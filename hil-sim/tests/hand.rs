@@ -2,7 +2,6 @@
 
 // It reads /proc.
 #[cfg(target_os = "linux")]
-#[path = "hand/soak.rs"]
 mod soak;
 
 #[cfg(target_os = "linux")]

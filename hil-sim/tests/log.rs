@@ -1,12 +1,10 @@
 //! `hil-sim log` with a board of `hil-sim bus`.
 
-mod served;
-
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use served::{damaging, serve};
+use crate::served::{damaging, serve};
 
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);

@@ -1,7 +1,5 @@
 //! Every producer of tables with every consumer, in every format.
 
-mod served;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Duration;
@@ -125,7 +123,7 @@ fn order(address: &str, orders: &[(Property, i64)]) {
 #[test]
 fn log_of_a_moving_board_is_taken_by_all() {
     let folder = folder("readers-log");
-    let served = served::serve("1");
+    let served = crate::served::serve("1");
     for (file, goal) in [("l.csv", 250), ("l.mcap", 30), ("l.parquet", 250)] {
         let orders = [(Property::STAT, 2), (Property::MV, 60), (Property::E, goal), (Property::MODE, 5)];
         order(&served.address, &orders);
