@@ -30,6 +30,7 @@ use super::torture::{self, TortureArgs};
 use super::tune::{self, TuneArgs};
 use super::worker;
 use hil_experiment::events::{self, Event};
+use hil_experiment::folder;
 use hil_experiment::replay::{Replayed, Tally, replay};
 use hil_experiment::report;
 use hil_experiment::run::{Options, Outcome, run as simulate};
@@ -302,7 +303,7 @@ fn spinner(scenario: &Scenario) -> Option<Sender<()>> {
 }
 
 fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(), BadInput> {
-    let files = report::files(scenario, outcome, COMMIT);
+    let files = folder::files(scenario, outcome, COMMIT);
     write_folder(dir, &files.each_ref().map(|(name, bytes)| (*name, bytes.as_slice())))
 }
 

@@ -43,6 +43,9 @@ pub enum Named {
     Module(usize),
 }
 
+/// What names mean in modules; nothing while one is looked up, so that a circle of imports ends.
+type Seen<'p> = HashMap<(usize, &'p str), Option<Named>>;
+
 /// The modules that a root file declares, without those of tests.
 pub struct Target<'a> {
     sources: &'a [Source],
@@ -150,13 +153,10 @@ impl<'a> Target<'a> {
 
     /// What a path in a module names; `None` if it leaves the target.
     pub fn resolve(&self, module: usize, path: &[String]) -> Option<Named> {
-        self.resolve_from(module, path, 0)
+        self.resolve_from(module, path, &mut HashMap::new())
     }
 
-    fn resolve_from(&self, module: usize, path: &[String], depth: usize) -> Option<Named> {
-        if depth > 16 {
-            return None;
-        }
+    fn resolve_from<'p>(&'p self, module: usize, path: &'p [String], seen: &mut Seen<'p>) -> Option<Named> {
         let mut at = module;
         let mut is_anchored = false;
         for segment in path {
@@ -164,7 +164,7 @@ impl<'a> Target<'a> {
                 "crate" => at = 0,
                 "super" => at = self.modules[at].parent,
                 "self" => {}
-                name => match self.lookup(at, name, depth) {
+                name => match self.lookup(at, name, seen) {
                     Some(Named::Module(child)) => at = child,
                     Some(item) => return Some(item),
                     None if is_anchored => return Some(Named::Item { file: self.modules[at].file }),
@@ -176,7 +176,18 @@ impl<'a> Target<'a> {
         Some(Named::Module(at))
     }
 
-    fn lookup(&self, module: usize, name: &str, depth: usize) -> Option<Named> {
+    /// Looks each name up once: imports of whole modules lead from one to the other in circles and by many ways.
+    fn lookup<'p>(&'p self, module: usize, name: &'p str, seen: &mut Seen<'p>) -> Option<Named> {
+        if let Some(known) = seen.get(&(module, name)) {
+            return *known;
+        }
+        seen.insert((module, name), None);
+        let found = self.find(module, name, seen);
+        seen.insert((module, name), found);
+        found
+    }
+
+    fn find<'p>(&'p self, module: usize, name: &'p str, seen: &mut Seen<'p>) -> Option<Named> {
         let here = &self.modules[module];
         if let Some(child) = here.children.get(name) {
             return Some(Named::Module(*child));
@@ -184,20 +195,13 @@ impl<'a> Target<'a> {
         if here.items.contains(name) {
             return Some(Named::Item { file: here.file });
         }
-        let import = here.imports.iter().find(|import| import.name == name);
-        if let Some(import) = import {
-            // `use name::Inner as name` would look itself up.
-            let is_itself = import.path.segments.first().is_some_and(|first| first == name);
-            return if is_itself {
-                None
-            } else {
-                self.resolve_from(module, &import.path.segments, depth + 1)
-            };
+        if let Some(import) = here.imports.iter().find(|import| import.name == name) {
+            return self.resolve_from(module, &import.path.segments, seen);
         }
         here.imports.iter().filter(|import| import.name == "*").find_map(|import| {
-            match self.resolve_from(module, &import.path.segments, depth + 1)? {
-                Named::Module(other) if other != module && depth < 8 => self.lookup(other, name, depth + 1),
-                _ => None,
+            match self.resolve_from(module, &import.path.segments, seen)? {
+                Named::Module(other) => self.lookup(other, name, seen),
+                Named::Item { .. } => None,
             }
         })
     }

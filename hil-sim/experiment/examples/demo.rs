@@ -6,9 +6,9 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-use hil_experiment::report;
 use hil_experiment::run::{Options, run};
 use hil_experiment::scenario::Scenario;
+use hil_experiment::{folder, report};
 use hil_world::plant::Model;
 
 fn show(name: &str) -> Result<(), Box<dyn Error>> {
@@ -18,7 +18,7 @@ fn show(name: &str) -> Result<(), Box<dyn Error>> {
     println!("\n== {name}\n{}", report::text(&outcome, begun.elapsed().as_secs_f64()));
     let folder = Path::new("out").join(name);
     std::fs::create_dir_all(&folder)?;
-    for (file, bytes) in report::files(&scenario, &outcome, "unknown") {
+    for (file, bytes) in folder::files(&scenario, &outcome, "unknown") {
         std::fs::write(folder.join(file), bytes)?;
     }
     Ok(())

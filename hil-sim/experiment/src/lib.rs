@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 pub mod events;
+pub mod folder;
 pub mod grasp;
 pub mod metrics;
 pub mod over_can;

@@ -5,11 +5,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::metrics::{METRICS, Value, end_word, fault_word};
-use crate::page;
 use crate::properties::PROPERTIES;
 use crate::run::{Options, Outcome};
 use crate::scenario::Scenario;
-use crate::trace::{Trace, write_csv};
 use hil_world::plant::Model;
 
 /// The inverter model's name, as on the command line.
@@ -56,17 +54,6 @@ pub fn json(outcome: &Outcome, wall_s: f64) -> String {
 #[must_use]
 pub fn json_value_of(outcome: &Outcome) -> serde_json::Value {
     serde_json::to_value(object(outcome, None)).unwrap_or_default()
-}
-
-/// The files of a folder of `hil-sim run --out`, by name: the trace, what [`stored`] says, the page.
-#[must_use]
-pub fn files(scenario: &Scenario, outcome: &Outcome, commit: &str) -> [(&'static str, Vec<u8>); 3] {
-    let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
-    let mut csv = Vec::new();
-    write_csv(&mut csv, &traces).expect("memory takes any bytes");
-    let json = format!("{:#}\n", stored(scenario, outcome, commit));
-    let html = page::html(scenario, outcome);
-    [("trace.csv", csv), ("run.json", json.into_bytes()), ("report.html", html.into_bytes())]
 }
 
 /// What a folder of `hil-sim run --out` says of its run besides the trace: the result of [`json_value_of`], how to repeat it, and node,
