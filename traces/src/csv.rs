@@ -381,13 +381,16 @@ fn split(text: String, notes: &mut Vec<String>) -> Result<Lines, TableError> {
         }
     }
     if !unix.ends_with('\n') && lines.len() > 1 {
+        let last = unix.lines().count();
         if metadata.first().is_some_and(|(key, _)| key == RECORDED_BY) {
             // A recording that was killed in the middle of a write: the rows before are whole.
-            let last = kept.trim_end_matches('\n').rfind('\n').map_or(0, |at| at + 1);
-            kept.truncate(last);
+            let begin = kept.trim_end_matches('\n').rfind('\n').map_or(0, |at| at + 1);
+            kept.truncate(begin);
             lines.pop();
+            notes.push(format!(
+                "line {last} is left out: it has no line end, so the recording was cut off in it"
+            ));
         } else {
-            let last = unix.lines().count();
             notes.push(format!(
                 "line {last} has no line end: if the file is cut off, its last number is another one"
             ));
@@ -570,6 +573,14 @@ mod tests {
             assert_eq!(notes.is_empty(), note.is_empty(), "{csv:?}: {notes}");
             assert!(notes.contains(note), "{csv:?}: {notes}");
         }
+    }
+
+    #[test]
+    fn cut_row_of_a_recording_is_left_out_and_named() {
+        let reader = read("# recorded_by=hil-sim log\ntime_ms,bus_v\n0,24.5\n1,24").expect("a recording");
+        assert_eq!(cells(&reader).len(), 1);
+        assert_eq!(reader.notes().len(), 1);
+        assert!(reader.notes()[0].starts_with("line 4 is left out"), "{:?}", reader.notes());
     }
 
     #[test]

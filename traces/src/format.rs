@@ -83,9 +83,9 @@ impl Format {
         Ok(match self {
             Self::Csv => Box::new(csv::Reader::new(bytes)?),
             #[cfg(feature = "mcap")]
-            Self::Mcap => Box::new(mcap::Reader::new(bytes)?),
+            Self::Mcap => Box::new(mcap::Reader::new(bytes).map_err(TableError::of_memory)?),
             #[cfg(feature = "parquet")]
-            Self::Parquet => Box::new(parquet::Reader::new(bytes)?),
+            Self::Parquet => Box::new(parquet::Reader::new(bytes).map_err(TableError::of_memory)?),
             #[cfg(not(all(feature = "mcap", feature = "parquet")))]
             other => return Err(other.left_out()),
         })

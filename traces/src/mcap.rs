@@ -333,7 +333,11 @@ impl Source for Reader {
             return (1..).zip(data).try_for_each(|(row, data)| self.give(row, &data, sink));
         }
         for (index, message) in MessageStream::new(&self.bytes)?.enumerate() {
-            self.give(u64::try_from(index + 1).unwrap_or(u64::MAX), &message?.data, sink)?;
+            self.give(
+                u64::try_from(index + 1).unwrap_or(u64::MAX),
+                &message.map_err(|error| TableError::from(error).of_memory())?.data,
+                sink,
+            )?;
         }
         Ok(())
     }

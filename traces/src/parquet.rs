@@ -282,13 +282,15 @@ impl Source for Reader {
     fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
         let mut row = 0;
         for index in 0..self.file.num_row_groups() {
-            let group = self.file.get_row_group(index)?;
+            let group =
+                self.file.get_row_group(index).map_err(|error| TableError::from(error).of_memory())?;
             let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-            let mut columns = self.batches(group.as_ref())?;
+            let mut columns = self.batches(group.as_ref()).map_err(TableError::of_memory)?;
             while left > 0 {
                 let count = left.min(BATCH_ROWS);
                 let batches = columns.iter_mut().map(|column| column.read(count, row));
-                let batches = batches.collect::<Result<Vec<_>, TableError>>()?;
+                let batches =
+                    batches.collect::<Result<Vec<_>, TableError>>().map_err(TableError::of_memory)?;
                 let mut batches: Vec<_> = batches.into_iter().map(Vec::into_iter).collect();
                 for _ in 0..count {
                     let row: Vec<Cell> = batches.iter_mut().filter_map(Iterator::next).collect();

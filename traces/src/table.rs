@@ -170,6 +170,15 @@ impl TableError {
     ) -> Self {
         Self::Input(line, Box::new(BadInput::new("", problem).found(found).expected(expected).next(next)))
     }
+
+    /// An error in reading bytes in memory: what a decoder returns as one of the operating system is damage.
+    #[must_use]
+    pub fn of_memory(self) -> Self {
+        match self {
+            Self::Io(error) => Self::File(error.to_string()),
+            other => other,
+        }
+    }
 }
 
 /// Checks a table's size before memory is spent on it.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::format::Format;
 
 fn heading() -> Heading {
     Heading {
@@ -97,4 +98,21 @@ fn truncated_file_is_an_error() {
     for end in 0..whole.len() {
         assert!(read(whole[..end].to_vec()).is_err(), "{end} of {} bytes", whole.len());
     }
+}
+
+/// A page that does not unpack is damage, not a disk that fails.
+#[test]
+fn damage_is_no_error_of_the_system() {
+    let whole = file(300);
+    let mut refused = 0;
+    for at in 4..whole.len() - 8 {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x40;
+        let read = Format::Parquet.source(bytes).and_then(|source| source.rows(&mut |_| Ok(())));
+        if let Err(error) = read {
+            assert!(!matches!(error, TableError::Io(_)), "byte {at}: {error}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 100, "{refused} of {} changes are refused", whole.len());
 }
