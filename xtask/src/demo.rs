@@ -8,7 +8,7 @@ const SCENARIOS: [&str; 2] = ["spread-full-travel", "link-fast"];
 
 /// Needs no set-up besides cargo.
 pub fn demo() -> Outcome {
-    println!("Building the simulated motors (a minute and a half the first time, on two cores) ...");
+    println!("Building the simulated motors (under two minutes the first time, on two cores) ...");
     let names = SCENARIOS.join(" ");
     run(program(&format!("cargo run --quiet --package hil-experiment --example demo -- {names}")))?;
     println!("\nOpen in a browser:");

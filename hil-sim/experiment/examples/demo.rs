@@ -21,7 +21,7 @@ fn show(name: &str) -> Result<(), Box<dyn Error>> {
     for (file, bytes) in folder::files(&scenario, &outcome, "unknown") {
         std::fs::write(folder.join(file), bytes)?;
     }
-    Ok(())
+    if outcome.passed() { Ok(()) } else { Err(format!("{name} does not meet its expectations").into()) }
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
