@@ -2,12 +2,13 @@
 //! of data tools as well: other integers and floats, booleans and times, snappy, and the index of a data frame. The other compressions are C code.
 //!
 //! The file's key-value metadata is the heading's, then `units` and `decimals`, each a JSON object by column. The same rows give the
-//! same bytes: the file names no time and no version. A writer keeps one row group. A truncated file is an error; the crate beneath may
-//! panic over bytes that were changed inside a file.
+//! same bytes: the file names no time and no version. A writer keeps one row group. A truncated or
+//! damaged file is an error, also where the crate beneath panics over it.
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::sync::Arc;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::{Arc, Once};
 
 use bytes::Bytes;
 use parquet::basic::{
@@ -233,7 +234,7 @@ impl Reader {
     /// # Errors
     /// Bytes that are no Parquet file, one with other columns than numbers, times and text, or with a compression other than snappy and gzip.
     pub fn new(bytes: Vec<u8>) -> Result<Self, TableError> {
-        let file = SerializedFileReader::new(Bytes::from(bytes))?;
+        let file = unpack(|| Ok(SerializedFileReader::new(Bytes::from(bytes))?))?;
         check_groups(file.metadata())?;
         let footer = file.metadata().file_metadata();
         let mut facts: Vec<(String, String)> = Vec::new();
@@ -282,15 +283,13 @@ impl Source for Reader {
     fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
         let mut row = 0;
         for index in 0..self.file.num_row_groups() {
-            let group =
-                self.file.get_row_group(index).map_err(|error| TableError::from(error).of_memory())?;
+            let group = unpack(|| Ok(self.file.get_row_group(index)?))?;
             let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-            let mut columns = self.batches(group.as_ref()).map_err(TableError::of_memory)?;
+            let mut columns = unpack(|| self.batches(group.as_ref()))?;
             while left > 0 {
                 let count = left.min(BATCH_ROWS);
                 let batches = columns.iter_mut().map(|column| column.read(count, row));
-                let batches =
-                    batches.collect::<Result<Vec<_>, TableError>>().map_err(TableError::of_memory)?;
+                let batches: Vec<_> = unpack(|| batches.collect())?;
                 let mut batches: Vec<_> = batches.into_iter().map(Vec::into_iter).collect();
                 for _ in 0..count {
                     let row: Vec<Cell> = batches.iter_mut().filter_map(Iterator::next).collect();
@@ -306,6 +305,29 @@ impl Source for Reader {
     fn notes(&self) -> &[String] {
         &self.notes
     }
+}
+
+thread_local! {
+    static UNPACKING: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// What the crate beneath says of bytes in memory. It panics over some damaged bytes, and reports others as an error of the system: both
+/// are damage, and the panic is not printed.
+fn unpack<T>(call: impl FnOnce() -> Result<T, TableError>) -> Result<T, TableError> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let print = panic::take_hook();
+        panic::set_hook(Box::new(move |panic| {
+            if !UNPACKING.get() {
+                print(panic);
+            }
+        }));
+    });
+    UNPACKING.set(true);
+    let outcome = panic::catch_unwind(AssertUnwindSafe(call));
+    UNPACKING.set(false);
+    let damaged = |_| Err(TableError::File("a page that does not unpack".to_owned()));
+    outcome.unwrap_or_else(damaged).map_err(TableError::of_memory)
 }
 
 /// Checks sizes and compressions before anything is unpacked: a few bytes can claim a million rows.
