@@ -107,7 +107,7 @@ fn tools() -> Vec<Tool> {
         ),
         tool(
             reports::CHROMIUM,
-            "`cargo xtask ci`: reports in a browser (`cargo xtask reports`)",
+            "`cargo xtask nightly`: reports in a browser (`cargo xtask reports`)",
             says("chromium --version"),
             reports::INSTALL,
         ),

@@ -15,7 +15,8 @@ pub fn environment(name: &str, packages: &[&str]) -> Result<PathBuf, String> {
     let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
     // Written last: an incomplete environment is created anew.
     let mark = folder.join("installed");
-    let wanted = packages.join("\n");
+    // Scripts in it name its folder: it cannot move.
+    let wanted = format!("{}\n{}", folder.display(), packages.join("\n"));
     if std::fs::read_to_string(&mark).is_ok_and(|found| found == wanted) && python.exists() {
         return Ok(python);
     }

@@ -14,8 +14,7 @@ use crate::{Outcome, model, python};
 const MATURIN: [&str; 1] = ["maturin==1.16.0"];
 
 /// What the check needs besides the wheel and its own dependencies.
-const TOOLS: &str =
-    "-m pip install --quiet --disable-pip-version-check pytest==9.2.0 matplotlib==3.11.2 mypy==2.4.1";
+const TOOLS: &str = "-m pip install --quiet --disable-pip-version-check pytest==9.2.0 pytest-xdist==3.8.0 matplotlib==3.11.2 mypy==2.4.1";
 
 /// How the wheel is installed, as docs/python.md says.
 const INSTALL: &str = "-m pip install";
@@ -66,7 +65,8 @@ pub fn check() -> Outcome {
         script.env("PYTHONDONTWRITEBYTECODE", "1");
         output(script).map(|said| said.lines().for_each(|line| println!("  {line}")))
     };
-    script("-m pytest --quiet -p no:cacheprovider tests", &[])?;
+    // Most of its time is waiting for hands in real time.
+    script("-m pytest --quiet --numprocesses 4 -p no:cacheprovider tests", &[])?;
     script("-m mypy --strict --cache-dir=/dev/null tests examples benches", &[])?;
     script("-m mypy.stubtest wraptor", &[])?;
     script("tests/tutorial.py ../../docs/python.md", &[&place.join("tutorial")])?;
