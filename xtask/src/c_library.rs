@@ -297,7 +297,9 @@ fn cmake(folder: &Path) -> Outcome {
     let tool = |name: &str| python.with_file_name(name);
     let build = folder.join("cmake");
     let mut configure = Command::new(tool("cmake"));
-    configure.args(["-S", "wraptor/c/examples/cmake", "-G", "Ninja", "--log-level=ERROR", "-B"]).arg(&build);
+    configure
+        .args(["--fresh", "-S", "wraptor/c/examples/cmake", "-G", "Ninja", "--log-level=ERROR", "-B"])
+        .arg(&build);
     configure.arg(format!("-DCMAKE_MAKE_PROGRAM={}", tool("ninja").display()));
     configure.arg(format!("-DCMAKE_PREFIX_PATH={}", folder.display())).current_dir(root());
     output(configure)?;
