@@ -143,7 +143,7 @@ fn recordings_score_within_their_bounds() {
         assert!(labels.bias_pct <= 0.3, "{name}: {} %", labels.bias_pct);
         stated.push(Near(labels.velocity_mse));
     }
-    claim("README.md", "| {}, {}, {}, {} (counts/s)²; best public estimator", &stated);
+    claim("docs/figures.md", "| {}, {}, {}, {} (counts/s)²; best public estimator", &stated);
 }
 
 /// Name, codes and true velocity of each recording.

@@ -10,7 +10,7 @@ use tater_wire::MotorKind;
 use tater_wire::Property;
 
 use crate::figures::Figure::{AtMost, Near};
-use crate::figures::claim;
+use crate::figures::{claim, degrees};
 
 /// Scatter of the plants (±30 %) and of the hall placement (usual for sensors placed by hand).
 const SCATTER: f64 = 0.3;
@@ -51,8 +51,14 @@ fn spread_does_not_overshoot_on_300_plants() {
     println!(
         "300 spreads (median, 95 %, maximum): overshoot {overshoot:.2?} counts, error 200 ms after the end {error:.2?} counts, arrival {arrival:.0?} ms"
     );
+    let count = degrees(MotorKind::Spread);
     claim(
         "README.md",
+        "| overshoot: median {}°, {} % under {}°, worst {}° |",
+        &[Near(count * overshoot.0), Near(95.0), AtMost(count * overshoot.1), AtMost(count * overshoot.2)],
+    );
+    claim(
+        "docs/figures.md",
         "| overshoot: median {}, {} % under {}, worst {} hall counts |",
         &[Near(overshoot.0), Near(95.0), AtMost(overshoot.1), AtMost(overshoot.2)],
     );
@@ -197,7 +203,7 @@ fn real_stall_fires_tstop_after_the_last_count_on_every_plant() {
     }
     claim(
         "README.md",
-        "| stall at TSTOP {} | {} ± {} ms after the last hall count |",
+        "| a finger meets an obstacle, TSTOP {} | its motor gives up {} ± {} ms after it last moved |",
         &[Near(TSTOP_MS), Near(TSTOP_MS), Near(WITHIN_MS)],
     );
 }

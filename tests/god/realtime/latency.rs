@@ -90,7 +90,7 @@ fn block_to_torque_takes_its_frames_and_a_tick() {
     );
     assert!(worst.iter().all(|&us| us <= BOUND_US), "{worst:?} us, {BOUND_US} at most");
     let most = worst.iter().copied().max().unwrap_or(0) as f64;
-    claim("README.md", "to torque on all motors | RealTime {} ms; `M`", &[Near(most / 1000.0)]);
+    claim("docs/figures.md", "to torque on all motors | RealTime {} ms; `M`", &[Near(most / 1000.0)]);
 }
 
 #[test]
@@ -142,5 +142,5 @@ fn move_to_torque_takes_its_frames_and_a_tick() {
         let motors = worst.iter().enumerate().filter(|(motor, _)| (*motor == 3) == is_spread);
         Near(motors.map(|(_, us)| *us as f64 / 1000.0).fold(0.0, f64::max))
     };
-    claim("README.md", "`M` {} ms, the spread {} ms with its brake |", &[most(false), most(true)]);
+    claim("docs/figures.md", "`M` {} ms, the spread {} ms with its brake |", &[most(false), most(true)]);
 }
