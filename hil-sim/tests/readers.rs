@@ -43,9 +43,9 @@ fn in_all_formats(folder: &Path, file: &str) -> Vec<String> {
 }
 
 /// A trace is taken by each consumer: `identify` gives figures of it, though it may call some undetermined; `bode` a response, or that the
-/// move says nothing of one; `margins` says what to do instead.
+/// move says nothing of one; `margins` says what to do instead. Returns the figures.
 #[track_caller]
-fn is_taken(folder: &Path, trace: &str, input: &str, output: &str) {
+fn is_taken(folder: &Path, trace: &str, input: &str, output: &str) -> String {
     let (figures, _) = says(folder, &["identify", trace, "--json"], &[0, 1]);
     assert!(figures.starts_with("{\"r_ohm\":") || figures.contains("\"r_ohm\":{"), "{trace}: {figures}");
     let bode = ["bode", "--from", trace, "--input", input, "--output", output, "--json"];
@@ -60,6 +60,7 @@ fn is_taken(folder: &Path, trace: &str, input: &str, output: &str) {
     }
     let (_, errors) = says(folder, &["margins", trace], &[2]);
     assert!(errors.contains("hil-sim bode --from"), "{trace}: {errors}");
+    figures
 }
 
 /// A move of some seconds, to and fro.
@@ -99,9 +100,8 @@ fn excitation_is_taken_by_all() {
     let folder = folder("readers-excite");
     for file in ["e.csv", "e.mcap", "e.parquet"] {
         says(&folder, &["excite", "--motor", "tip", "--out", file], &[0]);
-        let (figures, _) = says(&folder, &["identify", file, "--json"], &[0]);
+        let figures = is_taken(&folder, file, "T", "P");
         assert!(!figures.contains("\"determined\":false"), "{file}: {figures}");
-        is_taken(&folder, file, "T", "P");
     }
     for trace in in_all_formats(&folder, "e.mcap") {
         is_taken(&folder, &trace, "T", "P");
@@ -141,8 +141,13 @@ fn log_of_a_moving_board_is_taken_by_all() {
 fn tables_from_elsewhere_are_taken() {
     let folder = folder("readers-elsewhere");
     says(&folder, &["excite", "--motor", "tip", "--out", "e.csv"], &[0]);
-    let plain = std::fs::read_to_string(folder.join("e.csv")).expect("written");
-    let (want, _) = says(&folder, &["identify", "e.csv", "--json"], &[0]);
+    let whole = std::fs::read_to_string(folder.join("e.csv")).expect("written");
+    // A part of it, because `identify` computes for seconds with the whole.
+    let plain: String = whole.lines().take(4000).map(|line| format!("{line}\n")).collect();
+    std::fs::write(folder.join("e.csv"), &plain).expect("ours");
+    let want = is_taken(&folder, "e.csv", "T", "P");
+    let determined = |figures: &str| figures.matches("\"determined\":true").count();
+    assert!(determined(&want) > 0, "{want}");
     let epoch = |text: &str| {
         let shift = |line: &str| match line.split_once(',') {
             Some((ms, rest)) => match ms.parse::<f64>() {
@@ -173,17 +178,17 @@ fn tables_from_elsewhere_are_taken() {
     ] {
         let file = format!("{name}.csv");
         std::fs::write(folder.join(&file), text).expect("ours");
-        let (found, errors) = says(&folder, &["identify", &file, "--json"], &[0]);
-        // The times of a clock have a digit less.
-        let is_alike = if name == "epoch" { !found.contains("\"determined\":false") } else { found == want };
-        assert!(is_alike, "{name}: {errors}{found}\n{want}");
         if name == "capitals" {
+            assert_eq!(says(&folder, &["identify", &file, "--json"], &[0, 1]).0, want);
             // The names of a trace that is kept or compared are those of docs/traces.md.
             let (_, errors) = says(&folder, &["convert", &file, "again.csv"], &[2]);
             assert!(errors.contains("expected: time_ms, the first column"), "{errors}");
             continue;
         }
-        is_taken(&folder, &file, "T", "P");
+        let found = is_taken(&folder, &file, "T", "P");
+        // The times of a clock have a digit less.
+        let is_alike = if name == "epoch" { determined(&found) == determined(&want) } else { found == want };
+        assert!(is_alike, "{name}: {found}\n{want}");
     }
 }
 

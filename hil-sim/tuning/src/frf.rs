@@ -27,6 +27,29 @@ enum Form {
     Polar { magnitude: usize, is_db: bool, phase: usize, rad: f64 },
 }
 
+impl Form {
+    const fn column(self) -> usize {
+        match self {
+            Self::Parts(column, _) | Self::Polar { magnitude: column, .. } => column,
+        }
+    }
+
+    fn value(self, table: &Numbers, row: usize) -> Result<Complex64, BadInput> {
+        match self {
+            Self::Parts(re, im) => Ok(Complex64::new(table.number(row, re)?, table.number(row, im)?)),
+            Self::Polar { magnitude, is_db, phase, rad } => {
+                let size = table.number(row, magnitude)?;
+                if size < 0.0 && !is_db {
+                    let expected = "a linear magnitude above 0; name it mag_db if it is in dB";
+                    return Err(table.bad(row, magnitude, "negative", expected));
+                }
+                let size = if is_db { 10f64.powf(size / 20.0) } else { size };
+                Ok(Complex64::from_polar(size, table.number(row, phase)? * rad))
+            }
+        }
+    }
+}
+
 /// What a response must have.
 pub const EXPECTED: &str = "freq_hz with re, im or mag, phase_deg (or mag_db, phase_deg)";
 
@@ -136,23 +159,54 @@ impl Columns {
             "rad/s" => 1.0 / TAU,
             _ => 1.0,
         };
+        let chosen =
+            |role: Role| given.iter().any(|(name, _)| Name::parse(name).is_some_and(|of| of.role == role));
+        let is_polar_chosen = chosen(Role::Magnitude) || chosen(Role::Phase);
         let (real, imaginary) = (of(Role::Real), of(Role::Imaginary));
         let (magnitudes, phases) = (of(Role::Magnitude), of(Role::Phase));
-        let is_polar = !magnitudes.is_empty() || !phases.is_empty();
-        let form = if !real.is_empty() && !imaginary.is_empty() || !is_polar {
-            Form::Parts(one(table, &real, "re")?.0, one(table, &imaginary, "im")?.0)
-        } else {
-            let (phase, angle) = one(table, &phases, "phase_deg")?;
-            let own: Vec<_> =
-                magnitudes.iter().copied().filter(|(_, name)| name.channel == angle.channel).collect();
-            let own = if own.is_empty() { magnitudes } else { own };
-            // A column in dB says what a linear one beside it says.
-            let linear: Vec<_> = own.iter().copied().filter(|(_, name)| name.unit != "db").collect();
-            let (magnitude, size) = one(table, if linear.is_empty() { &own } else { &linear }, "mag")?;
-            let rad = if ["rad", "radians"].contains(&angle.unit.as_str()) { 1.0 } else { TAU / 360.0 };
-            Form::Polar { magnitude, is_db: size.unit == "db", phase, rad }
-        };
-        Ok(Self { hz, hz_scale, form })
+        let mut forms = Vec::new();
+        if !real.is_empty() && !imaginary.is_empty() && !is_polar_chosen
+            || magnitudes.is_empty() && phases.is_empty()
+        {
+            forms.push(Form::Parts(one(table, &real, "re")?.0, one(table, &imaginary, "im")?.0));
+        }
+        match polar(table, &magnitudes, &phases) {
+            Ok(found) => forms.extend(found),
+            Err(error) if forms.is_empty() => return Err(error),
+            Err(_) => {}
+        }
+        let columns = Self { hz, hz_scale, form: forms[0] };
+        if !is_polar_chosen && !chosen(Role::Real) && !chosen(Role::Imaginary) {
+            columns.agree(table, &forms[1..])?;
+        }
+        Ok(columns)
+    }
+
+    /// Refuses a table that says two things.
+    fn agree(&self, table: &Numbers, others: &[Form]) -> Result<(), BadInput> {
+        for other in others {
+            let differs = |row: &usize| {
+                let (Ok(own), Ok(beside)) = (self.form.value(table, *row), other.value(table, *row)) else {
+                    return false;
+                };
+                (own - beside).norm() > 0.1 * own.norm().max(beside.norm())
+            };
+            // Small numbers may be rounded.
+            let rows: Vec<usize> = (0..table.len()).filter(differs).collect();
+            if 2 * rows.len() > table.len() {
+                let (own, beside) = (self.form.column(), other.column());
+                let problem = format!("says another response than {}", table.name(own));
+                let name = if let Form::Polar { is_db: true, .. } = other { "mag_db" } else { "mag" };
+                return Err(BadInput {
+                    next: format!(
+                        "find out which is right, and take that column out or choose this: --columns \"{name}={}\"",
+                        table.name(beside)
+                    ),
+                    ..table.bad(rows[0], beside, &problem, "the same response in all columns")
+                });
+            }
+        }
+        Ok(())
     }
 
     /// The column of the frequency.
@@ -164,9 +218,7 @@ impl Columns {
     /// The column that a value without magnitude or phase is in.
     #[must_use]
     pub const fn value(&self) -> usize {
-        match self.form {
-            Form::Parts(column, _) | Form::Polar { magnitude: column, .. } => column,
-        }
+        self.form.column()
     }
 
     /// The response of a row.
@@ -175,19 +227,7 @@ impl Columns {
     /// A cell that is no number, or a linear magnitude below 0.
     pub fn point(&self, table: &Numbers, row: usize) -> Result<Point, BadInput> {
         let hz = table.number(row, self.hz)? * self.hz_scale;
-        let value = match self.form {
-            Form::Parts(re, im) => Complex64::new(table.number(row, re)?, table.number(row, im)?),
-            Form::Polar { magnitude, is_db, phase, rad } => {
-                let size = table.number(row, magnitude)?;
-                if size < 0.0 && !is_db {
-                    let expected = "a linear magnitude above 0; name it mag_db if it is in dB";
-                    return Err(table.bad(row, magnitude, "negative", expected));
-                }
-                let size = if is_db { 10f64.powf(size / 20.0) } else { size };
-                Complex64::from_polar(size, table.number(row, phase)? * rad)
-            }
-        };
-        Ok(Point { hz, value })
+        Ok(Point { hz, value: self.form.value(table, row)? })
     }
 
     /// Whether phases in degrees may be radians: they are all small, and go with the slope of the magnitude only as radians.
@@ -217,6 +257,29 @@ impl Columns {
             )
         })
     }
+}
+
+/// Magnitude and phase: linear, and in dB.
+fn polar(
+    table: &Numbers,
+    magnitudes: &[&(usize, Name)],
+    phases: &[&(usize, Name)],
+) -> Result<Vec<Form>, BadInput> {
+    let (phase, angle) = one(table, phases, "phase_deg")?;
+    let rad = if ["rad", "radians"].contains(&angle.unit.as_str()) { 1.0 } else { TAU / 360.0 };
+    let own: Vec<_> = magnitudes.iter().copied().filter(|(_, name)| name.channel == angle.channel).collect();
+    let own = if own.is_empty() { magnitudes.to_vec() } else { own };
+    let (in_db, linear): (Vec<_>, Vec<_>) = own.into_iter().partition(|(_, name)| name.unit == "db");
+    let both = [linear, in_db].into_iter().filter(|found| !found.is_empty());
+    let forms = both.map(|found| {
+        let (magnitude, size) = one(table, &found, "mag")?;
+        Ok(Form::Polar { magnitude, is_db: size.unit == "db", phase, rad })
+    });
+    let forms = forms.collect::<Result<Vec<_>, BadInput>>()?;
+    if forms.is_empty() {
+        one(table, &[], "mag")?;
+    }
+    Ok(forms)
 }
 
 /// The only column of a part.
@@ -292,7 +355,8 @@ mod tests {
     fn headers_of_analyzers_are_known() {
         for csv in [
             "freq_hz,re,im\n10,0,-0.5\n",
-            "freq_hz,re,im,mag,phase_deg,noise\n10,0,-0.5,9,9,9\n",
+            "freq_hz,re,im,mag,phase_deg,noise\n10,0,-0.5,0.5,270,9\n",
+            "freq_hz,re,im,mag,mag_db,phase_deg\n10,0,-0.5,0.5,-6.02,-90\n",
             "freq_hz,mag,phase_deg\n10,0.5,-90\n",
             "freq_hz;mag_db;phase_deg\n10;-6,0206;-90\n",
             "#Digilent\n\nFrequency (Hz),Channel 1 Magnitude (dB),Channel 2 Magnitude (dB),Channel 2 Phase (deg)\n10,0,-6.0206,-90\n",
@@ -308,6 +372,28 @@ mod tests {
             let error = (point.value - Complex64::new(0.0, -0.5)).norm();
             assert!((point.hz - 10.0).abs() < 1e-9 && error < 1e-5, "{csv}: {point:?}");
         }
+    }
+
+    #[test]
+    fn columns_that_say_two_things_are_refused() {
+        for (csv, names) in [
+            ("freq_hz,re,im,mag,phase_deg\n10,0,-0.5,9,-90\n", ["mag", "re"]),
+            ("freq_hz,re,im,mag,phase_deg\n10,0,-0.5,0.5,90\n", ["mag", "re"]),
+            ("freq_hz,mag,mag_db,phase_deg\n10,0.5,-3.01,-90\n", ["mag_db", "mag"]),
+        ] {
+            let error = first(csv, &[]).expect_err(csv).to_string();
+            let [beside, own] = names;
+            let words = format!("a.csv:2: {beside}: says another response than {own}\n");
+            assert!(
+                error.starts_with(&words) && error.contains(&format!("--columns \"{beside}=")),
+                "{error}"
+            );
+            first(csv, &[(beside, beside)]).expect("chosen");
+        }
+        // Rounded so far that a small number is lost.
+        let rounded =
+            "freq_hz,mag,mag_db,phase_deg\n1,0.500,-6.02,-90\n2,0.200,-13.98,-90\n9,0.001,-65.2,-90\n";
+        first(rounded, &[]).expect("one response");
     }
 
     #[test]

@@ -33,6 +33,10 @@ const MOST_SWAPPED: f64 = 0.05;
 const MOST_A: f64 = 100.0;
 const MOST_TORQUE: f64 = 4096.0;
 
+/// The largest board address, and the largest MODE.
+const LAST_NODE: f64 = 31.0;
+const LAST_MODE: f64 = 5.0;
+
 /// Fewest counts that tell anything of a motor: two electrical revolutions.
 const LEAST_COUNTS: i64 = 12;
 
@@ -142,6 +146,12 @@ impl<'a> Columns<'a> {
         if is_within { Ok(value) } else { Err(self.of.bad(row, column, "out of range", expected)) }
     }
 
+    /// A whole number that must be in its range.
+    fn whole(&self, row: usize, column: usize, range: [f64; 2], expected: &str) -> Result<f64, BadInput> {
+        let value = self.within(row, column, range, expected)?;
+        if value.fract() == 0.0 { Ok(value) } else { Err(self.of.bad(row, column, "not whole", expected)) }
+    }
+
     /// Whether a log lacks one of the numbers that a row must have: an answer was damaged.
     fn is_lost(&self, row: usize) -> bool {
         let (Bridge::On(bridge) | Bridge::Mode(bridge)) = self.bridge;
@@ -157,7 +167,7 @@ impl<'a> Columns<'a> {
         only: &mut Option<f64>,
     ) -> Result<Option<Option<MotorKind>>, BadInput> {
         let Some(column) = self.motor else { return Ok(Some(motor)) };
-        let node = self.of.number(row, column)?;
+        let node = self.whole(row, column, [0.0, LAST_NODE], "0 to 31, a board")?;
         let kind = motor.or(MOTORS.into_iter().find(|kind| f64::from(kind.first_node()) == node));
         match motor {
             Some(motor) if f64::from(motor.first_node()) != node => Ok(None),
@@ -189,7 +199,7 @@ impl<'a> Columns<'a> {
                 1.0 => true,
                 _ => return Err(self.of.bad(row, column, "neither", "0 or 1")),
             },
-            Bridge::Mode(column) => self.of.number(row, column)? != 0.0,
+            Bridge::Mode(column) => self.whole(row, column, [0.0, LAST_MODE], "0 to 5, a MODE")? != 0.0,
         };
         let released = self.maybe(row, self.released)?.is_some_and(|released| released > 0.5);
         Ok(Row {
@@ -260,7 +270,7 @@ impl Recording {
             last = Some((index, ms));
             // A clock's times have too few digits left for milliseconds.
             let ms = ms - *start.get_or_insert(if ms < 1e9 { 0.0 } else { ms });
-            let code = numbers.number(index, columns.halls)?;
+            let code = columns.whole(index, columns.halls, [0.0, 7.0], "0 to 7, the lines of three halls")?;
             let position = columns.maybe(index, columns.position)?;
             let sector = CODES.iter().position(|of| f64::from(*of) == code);
             invalid += usize::from(sector.is_none());
@@ -458,6 +468,8 @@ mod tests {
             (with(3, "2,2,NaN,0.1,20.0,1,200"), "t.csv:4", "bus_v: no number"),
             (with(3, "2,2,,0.1,20.0,1,200"), "t.csv:4", "bus_v: an empty cell"),
             (with(3, "2,2,24.0,0.1,20.0,2,200"), "t.csv:4", "bridge_on: neither"),
+            (with(3, "2,2.5,24.0,0.1,20.0,1,200"), "t.csv:4", "halls_code: not whole"),
+            (with(3, "2,300,24.0,0.1,20.0,1,200"), "t.csv:4", "halls_code: out of range"),
             (with(3, "2,2,24.0,0.1,20.0,1,"), "t.csv:4", "torque_per_1024: an empty cell"),
             (with(0, &HEADER.replace("torque_per_1024", "torque")), "t.csv:1", "no column torque_per_1024"),
             (without_current, "t.csv", "bus_a never changes"),
