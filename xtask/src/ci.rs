@@ -35,12 +35,13 @@ const fn step(runs: In, name: &'static str, check: fn() -> Outcome) -> Step {
 }
 
 /// docs/checks.md has them with the reason why each is where it is.
-const STEPS: [Step; 36] = [
+const STEPS: [Step; 38] = [
     step(In::Check, "set-up", setup::install),
     step(In::Check, "format", || run(program("cargo fmt --all --check"))),
     step(In::Check, "clippy, host", clippy_host),
     step(In::Check, "unit tests", unit_tests),
     step(In::Check, "property table", || table::table(true)),
+    step(In::Check, "model files", || model::model(true)),
     step(In::Check, "scenarios", scenarios),
     step(In::Check, "torture, a sample", torture_sample),
     step(In::Ci, "licenses and sources", packages::licenses),
@@ -49,10 +50,9 @@ const STEPS: [Step; 36] = [
     step(In::Ci, "other systems", other_systems),
     step(In::Ci, "documentation", documentation),
     step(In::Ci, "build, microcontroller", build_thumb),
-    step(In::Ci, "image", image::check),
+    step(In::Ci, "image", || image::check(Profile::Production)),
     step(In::Ci, "size", size::check),
     step(In::Ci, "tests", tests),
-    step(In::Ci, "robot models", model::check),
     step(In::Ci, "torture", torture),
     step(In::Ci, "hall captures", hall_oracle::check),
     step(In::Ci, "host tools", host_tools::check),
@@ -61,7 +61,9 @@ const STEPS: [Step; 36] = [
     step(In::Ci, "instructions", instructions::check),
     step(In::Ci, "emulation", emu::check),
     step(In::Nightly, "second build of the image", image::reproducible),
+    step(In::Nightly, "image with logs", emu::check_logs),
     step(In::Nightly, "packages", packages::check),
+    step(In::Nightly, "robot models", model::check),
     step(In::Nightly, "reports in Chromium", reports::check),
     step(In::Nightly, "torture of the documents", documented_torture),
     step(In::Nightly, "long torture", long_torture),

@@ -91,34 +91,35 @@ const KEYS: [&str; 9] = [
     "instructions",
 ];
 
-/// Runs of the CI step: title, image, arguments.
-const RUNS: [(&str, Profile, &str); 2] = [
-    ("seven boards, production", Profile::Production, "--nodes 7"),
-    ("one board, release", Profile::Release, "--rtt"),
-];
-
-/// Runs seven boards with the production image, and one with logs, both from erased flash.
+/// Runs seven boards with the production image, from erased flash.
 ///
 /// # Errors
 /// The failed run, or the missing keys.
 pub fn check() -> Outcome {
-    for (what, profile, rest) in RUNS {
-        let mut emulate = Command::new(built("board-emu")?);
-        emulate
-            .args(["--json", "--image"])
-            .current_dir(root())
-            .arg(image::folder(profile))
-            .args(rest.split(' '));
-        let line = typed(&emulate);
-        let told = output(emulate)?;
-        let found: Value = serde_json::from_str(&told)
-            .map_err(|error| format!("found no JSON object: {error}\n  repeat with: {line}"))?;
-        let missing: Vec<&str> = KEYS.into_iter().filter(|key| !found[key].is_number()).collect();
-        if !missing.is_empty() {
-            return Err(format!("{what}: found no number for {missing:?}\n  repeat with: {line}"));
-        }
-        let figures = KEYS.map(|key| format!("{key} {}", found[key]));
-        println!("  {what}: {}", figures.join(", "));
+    has_keys(Profile::Production, &["--nodes", "7"])
+}
+
+/// Builds and checks the image with logs, and runs a board with it, from erased flash.
+///
+/// # Errors
+/// A failed build or run, or the missing keys.
+pub fn check_logs() -> Outcome {
+    image::check(Profile::Release)?;
+    has_keys(Profile::Release, &["--rtt"])
+}
+
+/// Runs an image, and finds all keys in what the run prints.
+fn has_keys(profile: Profile, rest: &[&str]) -> Outcome {
+    let mut emulate = Command::new(built("board-emu")?);
+    emulate.args(["--json", "--image"]).current_dir(root()).arg(image::folder(profile)).args(rest);
+    let line = typed(&emulate);
+    let told = output(emulate)?;
+    let found: Value = serde_json::from_str(&told)
+        .map_err(|error| format!("found no JSON object: {error}\n  repeat with: {line}"))?;
+    let missing: Vec<&str> = KEYS.into_iter().filter(|key| !found[key].is_number()).collect();
+    if !missing.is_empty() {
+        return Err(format!("found no number for {missing:?}\n  repeat with: {line}"));
     }
+    println!("  {}", KEYS.map(|key| format!("{key} {}", found[key])).join(", "));
     Ok(())
 }
