@@ -610,6 +610,58 @@ mod tests {
     }
 
     #[test]
+    fn bad_rows_say_what_to_do() {
+        for (csv, next) in [
+            ("x,y\n1,2,\n", "end the header in a separator"),
+            ("x,y\n1,2,3\n", "part the cells by semicolons"),
+            ("x,y\n1\n", "correct this row"),
+            ("x,y\n1,2,3,\n", "part the cells by semicolons"),
+            ("x;y\n1;2;3;4\n", "correct this row"),
+        ] {
+            let error = read(csv).expect_err(csv).to_string();
+            assert!(error.contains(next), "{csv:?}: {error}");
+        }
+        for one in ["x\n1\n2\n", "note\na b\nc d\n", "note\n1 b\n"] {
+            assert_eq!(read(one).expect(one).heading().columns.len(), 1);
+        }
+    }
+
+    /// A stream whose disk is full once the rows leave its buffer.
+    struct Full;
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+    }
+
+    #[test]
+    fn table_is_written_as_it_is_read() {
+        let text = "# motor=link\ntime_ms,bus_v,note\n0.0,24.50,a\n0.5,24.55,\n";
+        let reader = read(text).expect("a table");
+        let mut written = Vec::new();
+        let mut writer = Writer::new(&mut written, reader.heading()).expect("begun");
+        reader.rows(&mut |row| writer.row(row)).expect("written");
+        let error = writer.row(&[Cell::Int(1)]).expect_err("too few cells").to_string();
+        assert!(error.starts_with("row 3"), "{error}");
+        writer.finish().expect("ended");
+        drop(writer);
+        assert_eq!(String::from_utf8_lossy(&written), text);
+        let full = Writer::new(Full, reader.heading()).expect("begun").finish();
+        assert!(matches!(full, Err(TableError::Io(_))), "{full:?}");
+        for (key, value) in [("a=b", "c"), ("a\nb", "c"), ("a", "b\nc"), ("a", "b\rc")] {
+            let metadata = vec![(key.to_owned(), value.to_owned())];
+            let heading = Heading { metadata, ..reader.heading().clone() };
+            let error = Writer::new(Vec::new(), &heading).map(|_| ()).expect_err("no line").to_string();
+            assert!(error.contains("does not fit in a line"), "{error}");
+        }
+    }
+
+    #[test]
     fn bytes_that_are_no_text_say_what_they_are() {
         for (bytes, words) in [
             (b"x,y\n1,2\xB0\n".to_vec(), "line 2: the file is no text: found byte 0xb0 at offset 7"),

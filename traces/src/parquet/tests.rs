@@ -105,7 +105,7 @@ fn truncated_file_is_an_error() {
 fn damage_is_no_error_of_the_system() {
     let whole = file(300);
     let mut refused = 0;
-    for at in 4..whole.len() - 8 {
+    for at in (4..whole.len() - 8).step_by(3) {
         let mut bytes = whole.clone();
         bytes[at] ^= 0x40;
         let read = Format::Parquet.source(bytes).and_then(|source| source.rows(&mut |_| Ok(())));
