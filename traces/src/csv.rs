@@ -578,7 +578,7 @@ mod tests {
     #[test]
     fn cut_row_of_a_recording_is_left_out_and_named() {
         let reader = read("# recorded_by=hil-sim log\ntime_ms,bus_v\n0,24.5\n1,24").expect("a recording");
-        assert_eq!(cells(&reader).len(), 1);
+        assert_eq!(cells(&reader), [[Cell::Int(0), Cell::Float(24.5)]]);
         assert_eq!(reader.notes().len(), 1);
         assert!(reader.notes()[0].starts_with("line 4 is left out"), "{:?}", reader.notes());
     }
@@ -624,6 +624,32 @@ mod tests {
         for one in ["x\n1\n2\n", "note\na b\nc d\n", "note\n1 b\n"] {
             assert_eq!(read(one).expect(one).heading().columns.len(), 1);
         }
+    }
+
+    #[test]
+    fn column_keeps_its_kind_and_its_digits() {
+        let csv = "a,b,c,d,e,f,g\n1,24.50,1.5,007,,1e3,1\n-2,24.55,1.25,8,,2e3,2.0\n";
+        let found = read(csv).expect("a table").heading().columns.clone();
+        let found: Vec<_> = found.iter().map(|of| (of.kind, of.decimals, of.nullable)).collect();
+        let float = (Kind::Float, None, false);
+        let want = [
+            (Kind::Int, None, false),
+            (Kind::Float, Some(2), false),
+            float,
+            float,
+            (Kind::Float, None, true),
+            float,
+            float,
+        ];
+        assert_eq!(found, want);
+    }
+
+    #[test]
+    fn marks_in_quotes_part_no_cells() {
+        for csv in ["\"a\";b\n1;2\n", "\"a,b,c\";d\n1;2\n", "\"a\"\tb\n1\t2\n"] {
+            assert_eq!(cells(&read(csv).expect(csv)), [[Cell::Int(1), Cell::Int(2)]], "{csv:?}");
+        }
+        assert!(read("x,y").expect("a header").notes().is_empty(), "no row was cut");
     }
 
     /// A stream whose disk is full once the rows leave its buffer.

@@ -156,3 +156,73 @@ mod tests {
         }
     }
 }
+
+#[cfg(all(test, feature = "mcap", feature = "parquet"))]
+mod tests {
+    use super::*;
+    use crate::table::{Cell, Column, Kind};
+
+    const ALL: [(Format, &str, &str); 3] = [
+        (Format::Csv, "a.csv", "CSV"),
+        (Format::Mcap, "a.MCAP", "MCAP"),
+        (Format::Parquet, "a.b.parquet", "Parquet"),
+    ];
+
+    #[test]
+    fn each_format_is_known_by_its_name_and_reads_what_it_writes() {
+        let columns = vec![Column::new("time_ms", "ms", Kind::Int), Column::new("bus_v", "V", Kind::Float)];
+        let heading = Heading { columns, ..Heading::default() };
+        let row = [Cell::Int(3), Cell::Float(24.5)];
+        for (format, name, text) in ALL {
+            assert_eq!((Format::of(Path::new(name)), format.to_string().as_str()), (Ok(format), text));
+            for is_appended in [false, true] {
+                let mut bytes = Vec::new();
+                let begun = match is_appended {
+                    true => format.appending(&mut bytes, &heading),
+                    false => format.sink(&mut bytes, &heading),
+                };
+                let mut sink = begun.expect("begun");
+                sink.row(&row).expect("written");
+                sink.finish().expect("ended");
+                drop(sink);
+                assert_eq!(Format::of_bytes(&bytes), format);
+                let source = format.source(bytes).expect("a table");
+                let mut rows = 0;
+                let count = &mut |cells: &[Cell]| {
+                    assert_eq!(cells, row);
+                    rows += 1;
+                    Ok(())
+                };
+                source.rows(count).expect("rows");
+                assert_eq!((rows, &source.heading().columns[0].name), (1, &"time_ms".to_owned()));
+            }
+        }
+        for (name, found) in [("a.xlsx", "found:    .xlsx"), ("a", "found:    no extension")] {
+            let error = Format::of(Path::new(name)).expect_err(name).to_string();
+            assert!(error.starts_with(&format!("{name}: ")) && error.contains(found), "{error}");
+        }
+    }
+
+    #[test]
+    fn content_counts_more_than_the_name() {
+        let of = |name: &str, bytes: &[u8]| {
+            let (format, note) = Format::of_file(Path::new(name), bytes);
+            (format, note.is_some())
+        };
+        for (format, name, _) in ALL {
+            assert_eq!(of(name, b"\x89MCAP0"), (Format::Mcap, format != Format::Mcap));
+            assert_eq!(of(name, b"PAR1"), (Format::Parquet, format != Format::Parquet));
+            assert_eq!(of(name, b"time_ms\n0\n"), (Format::Csv, format != Format::Csv));
+            // No text, nothing, or the first bytes of a format: damage of what the name says.
+            for bytes in [&b"\0\x01"[..], b"", b"PA", b"\x89MC"] {
+                assert_eq!(of(name, bytes), (format, false), "{bytes:?}");
+            }
+        }
+        assert_eq!(of("/dev/stdin", b"PAR1"), (Format::Parquet, false));
+        let (_, note) = Format::of_file(Path::new("a.csv"), b"PAR1");
+        assert_eq!(
+            note.as_deref(),
+            Some("the name says CSV, but the content is Parquet, and is read as such")
+        );
+    }
+}

@@ -412,6 +412,109 @@ mod tests {
         }
     }
 
+    fn cells(reader: &Reader) -> Vec<Vec<Cell>> {
+        let mut rows = Vec::new();
+        let push = &mut |row: &[Cell]| {
+            rows.push(row.to_vec());
+            Ok(())
+        };
+        reader.rows(push).expect("rows");
+        rows
+    }
+
+    /// Writes a table both ways, and reads each.
+    fn written(heading: &Heading, rows: &[Vec<Cell>]) -> Result<[Vec<u8>; 2], TableError> {
+        let (mut whole, mut grown) = (Vec::new(), Vec::new());
+        let mut sinks: [Box<dyn Sink>; 2] =
+            [Box::new(Writer::new(&mut whole, heading)?), Box::new(Appender::new(&mut grown, heading)?)];
+        for sink in &mut sinks {
+            rows.iter().try_for_each(|row| sink.row(row))?;
+            sink.finish()?;
+        }
+        drop(sinks);
+        Ok([whole, grown])
+    }
+
+    #[test]
+    fn table_reads_back_as_written() {
+        let columns = vec![
+            Column::new(TIME, "ms", Kind::Int),
+            Column::new(MOTOR, "", Kind::Int),
+            Column::new("bus_v", "V", Kind::Float).decimals(2),
+            Column::new("end", "", Kind::Text).nullable(),
+        ];
+        let metadata = [("seed", "7"), ("commit", "abc"), ("about", "a \"move\", µ")];
+        let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned())).into();
+        let heading = Heading { columns, metadata };
+        let rows = [
+            vec![Cell::Int(0), Cell::Int(5), Cell::Float(24.5), Cell::from("arrived, \"in\" time: µ")],
+            vec![Cell::Int(12), Cell::Int(1), Cell::Float(-0.25), Cell::Absent],
+        ];
+        for bytes in written(&heading, &rows).expect("written") {
+            let reader = Reader::new(bytes.clone()).expect("a table");
+            assert_eq!((reader.heading(), cells(&reader).as_slice()), (&heading, rows.as_slice()));
+            // As viewers see it.
+            let messages: Vec<_> =
+                MessageStream::new(&bytes).expect("MCAP").map(|of| of.expect("whole")).collect();
+            let seen: Vec<_> =
+                messages.iter().map(|of| (of.channel.topic.as_str(), of.log_time, of.sequence)).collect();
+            assert_eq!(seen, [("/motor_5", 0, 1), ("/motor_1", 12_000_000, 2)]);
+            assert_eq!(messages[0].channel.message_encoding, "json");
+            let schema = messages[0].channel.schema.as_ref().expect("a schema");
+            let schema: Value = serde_json::from_slice(&schema.data).expect("JSON");
+            assert_eq!(schema["properties"]["bus_v"], json!({ "type": "number", "description": "V" }));
+            assert_eq!(schema["properties"]["motor"]["type"], "integer");
+            assert_eq!(schema["properties"]["end"]["type"], "string");
+        }
+    }
+
+    #[test]
+    fn time_of_a_message_is_that_of_its_row() {
+        let times = |columns: Vec<Column>, rows: &[Vec<Cell>]| {
+            let heading = Heading { columns, ..Heading::default() };
+            let [whole, _] = written(&heading, rows).map_err(|error| error.to_string())?;
+            let messages = MessageStream::new(&whole).expect("MCAP");
+            Ok::<_, String>(messages.map(|of| of.expect("whole").log_time).collect::<Vec<_>>())
+        };
+        let of = |cells: [f64; 2]| cells.map(|cell| vec![Cell::Float(cell)]);
+        let float = |name: &str| vec![Column::new(name, "", Kind::Float)];
+        assert_eq!(times(float(TIME), &of([0.0, 0.5])), Ok(vec![0, 500_000]));
+        assert_eq!(times(float("freq_hz"), &of([7.0, 8.0])), Ok(vec![1_000_000, 2_000_000]), "1 ms a row");
+        let none = "row 2, column time_ms: found no time, expected 0 or more ms".to_owned();
+        assert_eq!(times(float(TIME), &of([0.0, -0.5])), Err(none.clone()));
+        let int = vec![Column::new(TIME, "ms", Kind::Int)];
+        assert_eq!(times(int, &[vec![Cell::Int(0)], vec![Cell::Int(-1)]]), Err(none));
+    }
+
+    #[test]
+    fn cell_of_another_kind_is_named() {
+        let described = |kind: &str| Described {
+            name: "x".to_owned(),
+            unit: String::new(),
+            kind: kind.to_owned(),
+            nullable: false,
+            decimals: None,
+        };
+        assert!(["float", "int", "text"].iter().all(|kind| column(described(kind)).is_ok()));
+        let error = column(described("time")).expect_err("no kind").to_string();
+        assert_eq!(error, "column x is of the unknown kind time");
+        for (kind, value) in [(Kind::Int, "0.5"), (Kind::Float, "\"a\""), (Kind::Text, "1")] {
+            let columns = vec![Column::new("x", "", kind)];
+            let heading = Heading { columns, ..Heading::default() };
+            let reader = Reader { bytes: Vec::new(), heading, is_appended: true, notes: Vec::new() };
+            let mut given = Vec::new();
+            let push = &mut |row: &[Cell]| {
+                given.push(row.to_vec());
+                Ok(())
+            };
+            let error = reader.give(3, format!("{{\"x\":{value}}}").as_bytes(), push).expect_err(value);
+            let words = format!("row 3, column x: found {value}, expected a value of its kind");
+            assert_eq!(error.to_string(), words);
+            reader.give(4, b"{}", push).expect("absent");
+            assert_eq!(given, [[Cell::Absent]]);
+        }
+    }
+
     #[test]
     fn log_that_breaks_off_says_so() {
         let mut bytes = appended();
