@@ -740,7 +740,7 @@ mod tests {
 
     #[test]
     fn tables_beyond_all_bounds_are_refused_before_they_take_memory() {
-        use crate::table::{MOST_COLUMNS, MOST_ROWS};
+        use crate::table::MOST_COLUMNS;
         let wide = format!("{}\n", ",".repeat(MOST_COLUMNS));
         let long = format!("x\n{}\n", "1".repeat(MOST_LINE + 1));
         for (csv, words) in
@@ -749,8 +749,6 @@ mod tests {
             let error = read(&csv).expect_err(words).to_string();
             assert!(error.contains(words), "{error}");
         }
-        assert!(check_size(1, MOST_ROWS).is_ok() && check_size(1, MOST_ROWS + 1).is_err());
-        assert!(check_size(8, MOST_ROWS).is_ok() && check_size(9, MOST_ROWS).is_err());
     }
 
     #[test]

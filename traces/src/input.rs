@@ -82,3 +82,34 @@ pub fn clipped(text: &str, most: usize) -> String {
     let clean: String = text.chars().take(most).map(|c| if c.is_control() { '?' } else { c }).collect();
     if text.chars().nth(most).is_some() { clean + "…" } else { clean }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn misspelt_name_is_asked_for() {
+        let names = ["winding_c", "bus_v", "bus_a"];
+        let asked = |found| did_you_mean(found, names.into_iter());
+        assert_eq!(asked("windng_c").as_deref(), Some("did you mean winding_c?"));
+        assert_eq!(asked("BUS_V").as_deref(), Some("did you mean bus_v?"));
+        assert_eq!(asked("overshoot"), None);
+    }
+
+    #[test]
+    fn found_text_is_bounded_and_printable() {
+        assert_eq!(shorten("a\tb\x1b[2J"), "a?b?[2J");
+        let (fits, long) = ("µ".repeat(80), "µ".repeat(81));
+        assert_eq!(shorten(&fits), fits);
+        assert_eq!(shorten(&long), format!("{fits}…"));
+        assert_eq!(clipped("abc", 2), "ab…");
+    }
+
+    #[test]
+    fn error_says_where_what_and_what_to_do() {
+        let bad =
+            BadInput::new("a.toml:3", "motor: unknown").found("thumb").expected("link").next("correct it");
+        let want = "a.toml:3: motor: unknown\n  found:    thumb\n  expected: link\n  next:     correct it";
+        assert_eq!(bad.to_string(), want);
+    }
+}

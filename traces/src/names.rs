@@ -193,6 +193,24 @@ mod tests {
     }
 
     #[test]
+    fn unit_is_what_a_name_ends_in() {
+        for (name, want) in [
+            ("velocity_counts_s", "counts/s"),
+            ("position_counts", "counts"),
+            ("torque_per_1024", "1/1024 of 65 N·cm"),
+            ("time_s", "s"),
+            ("time_ms", "ms"),
+            ("winding_c", "°C"),
+            ("mode", ""),
+        ] {
+            assert_eq!(unit(name), want, "{name}");
+        }
+        assert!(is_time("time_ms") && is_time("T_s") && !is_time("settling_ms"));
+        // Full scale: 65 N·cm at 24 V.
+        assert!((1024.0 * UNIT_N_M - 0.65).abs() < 1e-12 && (1024.0 * UNIT_V - 24.0).abs() < 1e-12);
+    }
+
+    #[test]
     fn unit_of_a_clock_is_known_by_its_size() {
         for (unit_ms, first, step, want) in [
             (1.0, 0.0, 1.0, None),

@@ -310,3 +310,100 @@ pub fn check(columns: &[Column], row: u64, cells: &[Cell]) -> Result<(), TableEr
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cell_is_written_with_the_digits_of_its_column() {
+        let free = Column::new("x", "", Kind::Float);
+        let fixed = free.clone().decimals(2);
+        for (column, cell, want) in [
+            (&free, Cell::Float(0.1), "0.1"),
+            (&fixed, Cell::Float(0.125), "0.12"),
+            (&fixed, Cell::Absent, ""),
+            (&fixed, Cell::Int(-7), "-7"),
+            (&free, Cell::from("a b"), "a b"),
+        ] {
+            assert_eq!(text(column, &cell), want);
+        }
+    }
+
+    #[test]
+    fn row_fits_its_columns_or_is_named() {
+        let columns = [
+            Column::new("x", "", Kind::Float),
+            Column::new("n", "", Kind::Int).nullable(),
+            Column::new("note", "", Kind::Text),
+        ];
+        let row = |x: f64| [Cell::Float(x), Cell::Int(1), Cell::from("a")];
+        assert!(check(&columns, 1, &row(0.5)).is_ok());
+        assert!(check(&columns, 1, &[Cell::Float(0.5), Cell::Absent, Cell::from("a")]).is_ok());
+        for (cells, words) in [
+            (row(f64::INFINITY), "row 4, column x: found inf, expected a finite number"),
+            ([Cell::Int(1), Cell::Int(1), Cell::from("a")], "column x: found 1, expected a finite number"),
+            (
+                [Cell::Float(0.5), Cell::Float(1.5), Cell::from("a")],
+                "column n: found 1.5, expected an integer",
+            ),
+            (
+                [Cell::Float(0.5), Cell::from("b"), Cell::from("a")],
+                "column n: found \"b\", expected an integer",
+            ),
+            ([Cell::Float(0.5), Cell::Int(1), Cell::Absent], "column note: found no value, expected text"),
+        ] {
+            let error = check(&columns, 4, &cells).expect_err(words).to_string();
+            assert!(error.contains(words), "{error}");
+        }
+        let error = check(&columns, 4, &row(0.5)[1..]).expect_err("short").to_string();
+        assert_eq!(error, "row 4, column : found 2 cells, expected 3 cells");
+    }
+
+    #[test]
+    fn number_of_a_cell_is_finite() {
+        let numbers = [
+            (Cell::Float(0.5), Some(0.5)),
+            (Cell::Float(f64::NAN), None),
+            (Cell::Int(-3), Some(-3.0)),
+            (Cell::from("1e3"), Some(1000.0)),
+            (Cell::from("inf"), None),
+            (Cell::from("a"), None),
+            (Cell::from(None::<f64>), Cell::Absent.number()),
+        ];
+        for (cell, want) in numbers {
+            assert_eq!(cell.number(), want, "{cell:?}");
+        }
+    }
+
+    #[test]
+    fn table_within_its_bounds_is_taken() {
+        for (columns, rows, words) in [
+            (MOST_COLUMNS, 1, ""),
+            (MOST_COLUMNS + 1, 1, "10001 columns, expected 10000 columns at most"),
+            (1, MOST_ROWS, ""),
+            (1, MOST_ROWS + 1, "67108865 rows, expected 67108864 rows at most"),
+            (8, MOST_ROWS, ""),
+            (9, MOST_ROWS, "67108864 rows of 9 columns, expected 536870912 cells at most"),
+        ] {
+            let found = check_size(columns, rows).map_err(|error| error.to_string());
+            match words {
+                "" => assert_eq!(found, Ok(())),
+                words => assert!(found.as_ref().is_err_and(|error| error.contains(words)), "{found:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn error_names_its_line_and_what_a_decoder_says_is_damage() {
+        let input = |line| TableError::input(line, "no header", "nothing", "a header", "choose another");
+        assert_eq!(
+            input(Some(3)).to_string(),
+            "line 3: no header: found nothing, expected a header; choose another"
+        );
+        assert_eq!(input(None).to_string(), "no header: found nothing, expected a header; choose another");
+        let full = || TableError::from(io::Error::from(io::ErrorKind::StorageFull));
+        assert!(matches!(full(), TableError::Io(_)) && matches!(full().of_memory(), TableError::File(_)));
+        assert_eq!(TableError::File("a".to_owned()).to_string(), "a");
+    }
+}
