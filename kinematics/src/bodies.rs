@@ -178,6 +178,9 @@ mod tests {
         let bodies = hand.bodies();
         let total: f64 = bodies.iter().map(|body| body.mass_kg).sum();
         assert!((total - 6.9).abs() < 1e-12 && bodies.iter().all(|body| body.mass_kg > 0.0));
+        // The palm reaches up to the fingers' bases.
+        let palm = bodies[0].shape;
+        assert!((palm.length_m + hand.finger_radius_m - hand.palm_m).abs() < 1e-12, "{palm:?}");
         let place = |name: &str| {
             let mut at = Transform::IDENTITY;
             let mut next = Some(name);
