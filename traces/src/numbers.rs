@@ -241,8 +241,7 @@ mod tests {
     #[test]
     fn every_cell_without_a_number_is_an_error_wherever_it_stands() {
         let csv = "time_ms,x,y\n0,a,1\n1,2,1e300\n2,NaN,3\n3,,4\n";
-        let source = crate::csv::Reader::new(csv.into()).expect("a table");
-        let numbers = Numbers::read("a.csv", &source).expect("a table");
+        let numbers = read(csv).expect("a table");
         for (row, column, words) in [
             (0, 1, "a.csv:2: x: no number\n  found:    \"a\""),
             (2, 1, "a.csv:4: x: no number\n  found:    \"NaN\""),
@@ -252,5 +251,48 @@ mod tests {
             assert!(error.starts_with(words), "{error}");
         }
         assert_eq!((numbers.maybe(1, 1), numbers.maybe(3, 1)), (Ok(Some(2.0)), Ok(None)));
+    }
+
+    fn read(csv: &str) -> Result<Numbers, BadInput> {
+        Numbers::read("a.csv", &crate::csv::Reader::new(csv.into()).expect("a table"))
+    }
+
+    #[test]
+    fn table_is_numbers_by_column() {
+        let table = read("# seed=7\ntime_ms,bus_v,note\n0,24.5,a\n1764000000000,,b\n").expect("a table");
+        assert_eq!((table.place(), table.len(), table.is_empty()), ("a.csv", 2, false));
+        assert_eq!(table.facts(), [("seed".to_owned(), "7".to_owned())]);
+        assert_eq!(table.names().collect::<Vec<_>>(), ["time_ms", "bus_v", "note"]);
+        assert_eq!((table.name(1), table.name(3)), ("bus_v", ""));
+        assert_eq!((table.find(&["x", "BUS_V"]), table.find(&["x"])), (Some(1), None));
+        assert_eq!((table.need(&["note"], "a note"), table.number(0, 1)), (Ok(2), Ok(24.5)));
+        assert_eq!(
+            (table.number(1, 0), table.maybe(1, 1), table.maybe(0, 3)),
+            (Ok(1.764e12), Ok(None), Ok(None))
+        );
+        let empty = read("x,y\n").expect("a table");
+        assert!(empty.is_empty());
+    }
+
+    #[test]
+    fn error_names_line_column_and_what_is_there() {
+        let csv = "# a bench\nx,time_ms,note\n1e12,1,a\n1e13,1e19,\n1e16,2e19,b\n,1,c\n";
+        let table = read(csv).expect("a table");
+        assert_eq!((table.number(0, 0), table.number(1, 1)), (Ok(1e12), Ok(1e19)));
+        for (found, words) in [
+            (table.number(0, 2), "a.csv:3: note: no number\n  found:    \"a\"\n"),
+            (table.number(1, 0), "a.csv:4: x: out of range\n  found:    10000000000000\n"),
+            (table.number(2, 0), "a.csv:5: x: out of range\n  found:    1e16\n"),
+            (table.number(2, 1), "a.csv:5: time_ms: out of range\n  found:    2e19\n"),
+            (table.number(3, 0), "a.csv:6: x: an empty cell\n  found:    nothing\n"),
+        ] {
+            let error = found.expect_err(words).to_string();
+            assert!(error.starts_with(words), "{error}");
+        }
+        let error = table.need(&["tim_ms"], "a trace").expect_err("no column").to_string();
+        let words = "a.csv:2: no column tim_ms\n  found:    x, time_ms, note\n  expected: a trace\n  next:     did you mean time_ms?";
+        assert_eq!(error, words);
+        let error = read("x,X\n1,2\n").map(|_| ()).expect_err("twice").to_string();
+        assert!(error.starts_with("a.csv:1: two columns have the same name\n  found:    X\n"), "{error}");
     }
 }
