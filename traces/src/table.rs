@@ -361,6 +361,14 @@ mod tests {
     }
 
     #[test]
+    fn fact_is_found_by_its_key() {
+        let metadata =
+            [("seed", "7"), ("commit", "abc")].map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let heading = Heading { metadata: metadata.into(), ..Heading::default() };
+        assert_eq!((heading.fact("commit"), heading.fact("x")), (Some("abc"), None));
+    }
+
+    #[test]
     fn number_of_a_cell_is_finite() {
         let numbers = [
             (Cell::Float(0.5), Some(0.5)),

@@ -116,3 +116,36 @@ fn damage_is_no_error_of_the_system() {
     }
     assert!(refused > 100, "{refused} of {} changes are refused", whole.len());
 }
+
+#[test]
+fn types_of_a_file_become_kinds_and_values() {
+    let of = |name: &str, physical, logical: Option<LogicalType>, converted| {
+        let field = Type::primitive_type_builder(name, physical).with_repetition(Repetition::REQUIRED);
+        let field = field.with_logical_type(logical).with_converted_type(converted).build().expect("a type");
+        let (column, values) = described(&field, &Frame::default()).map_err(|error| error.to_string())?;
+        let values = match values {
+            Values::AsTheyAre => 0,
+            Values::Unsigned => -1,
+            Values::Times(per_unit) => per_unit,
+        };
+        Ok::<_, String>((column.kind, column.unit, values))
+    };
+    let none = ConvertedType::NONE;
+    let time = |unit| Some(LogicalType::timestamp(true, unit));
+    let int = |is_signed| Some(LogicalType::integer(64, is_signed));
+    for (found, want) in [
+        (of("end", Physical::BYTE_ARRAY, None, ConvertedType::UTF8), (Kind::Text, "", 0)),
+        (of("end", Physical::BYTE_ARRAY, Some(LogicalType::String), none), (Kind::Text, "", 0)),
+        (of("n", Physical::INT64, int(true), none), (Kind::Int, "", 0)),
+        (of("n", Physical::INT64, int(false), none), (Kind::Int, "", -1)),
+        (of("time_ms", Physical::INT64, time(TimeUnit::MILLIS), none), (Kind::Float, "", 1)),
+        (of("time_ms", Physical::INT64, time(TimeUnit::MICROS), none), (Kind::Float, "", 1000)),
+        (of("time_s", Physical::INT64, time(TimeUnit::MICROS), none), (Kind::Float, "", 1_000_000)),
+        (of("at", Physical::INT64, time(TimeUnit::NANOS), none), (Kind::Float, "ms", 1_000_000)),
+    ] {
+        let (kind, unit, values) = want;
+        assert_eq!(found, Ok((kind, unit.to_owned(), values)));
+    }
+    let error = of("x", Physical::BYTE_ARRAY, None, none).expect_err("no text");
+    assert!(error.contains("column x has a type that is not read: found BYTE_ARRAY"), "{error}");
+}
