@@ -11,7 +11,7 @@ mod survivors;
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::program::{in_parallel, installed, output, program, root, target, typed};
+use crate::program::{built, in_parallel, installed, output, program, root, target, typed};
 use crate::{Failure, Outcome, files};
 use outcomes::{Mutant, Tally};
 use survivors::Known;
@@ -29,6 +29,8 @@ struct Subject {
     goal: f64,
     /// Whether each survivor needs a reason in the list.
     explains: bool,
+    /// Whether its tests start the simulator, which is built from the unchanged tree.
+    is_served: bool,
     /// Tests, by parts of their names, that run only on what survives the others.
     slow: &'static [&'static str],
 }
@@ -55,7 +57,11 @@ const SUBJECTS: [Subject; 10] = [
     of_a_host("world", "hil-world", &["hil-sim/world/src/**"]),
     of_a_host("experiment", "hil-experiment", &["hil-sim/experiment/src/**"]),
     of_a_host("traces", "traces", &["traces/src/**"]),
-    of_a_host("wraptor", "wraptor", &["wraptor/src/**"]),
+    Subject {
+        is_served: true,
+        slow: &["adapters_that_acknowledge_in_their_own_ways_work", "lost_hand_ends_each_call_in_time"],
+        ..of_a_host("wraptor", "wraptor", &["wraptor/src/**"])
+    },
     of_a_host("kinematics", "kinematics", &["kinematics/src/**"]),
 ];
 
@@ -65,12 +71,12 @@ const fn of_a_board(
     files: &'static [&'static str],
     goal: f64,
 ) -> Subject {
-    Subject { name, package, files, tests: "--lib", goal, explains: true, slow: &[] }
+    Subject { name, package, files, tests: "--lib", goal, explains: true, is_served: false, slow: &[] }
 }
 
 /// The tests of these crates' own `tests` folders are part of them.
 const fn of_a_host(name: &'static str, package: &'static str, files: &'static [&'static str]) -> Subject {
-    Subject { name, package, files, tests: "--tests", goal: 85.0, explains: false, slow: &[] }
+    Subject { tests: "--tests", explains: false, ..of_a_board(name, package, files, 85.0) }
 }
 
 /// Together they take ten times as long as the other tests of tater-fw.
@@ -164,6 +170,13 @@ fn judge(
     }
     let folder = target().join("mutation").join(subject.name);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    if subject.is_served {
+        let place = folder.join("build/mutants");
+        let program = built("hil-sim")?;
+        std::fs::create_dir_all(&place)
+            .and_then(|()| std::fs::copy(program, place.join("hil-sim")))
+            .map_err(|error| format!("{}: {error}", place.display()))?;
+    }
     let size = args.sample.filter(|&size| size < listed.len());
     let names = listed.iter().map(|mutant| mutant.name.as_str());
     let sample = size.map(|size| sample::choose(names, size, args.seed));
@@ -177,6 +190,8 @@ fn judge(
         }
         command.args(["--", "--"]).args(filters);
         command.env("CARGO_TARGET_DIR", folder.join("build"));
+        // Without it a mutant takes several times as long.
+        command.env_remove("CARGO_INCREMENTAL");
         // The same random inputs for each mutant; which failing input is the smallest does not matter.
         command.envs([("PROPTEST_RNG_SEED", "1"), ("PROPTEST_MAX_SHRINK_ITERS", "0")]);
         command.env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "true");
