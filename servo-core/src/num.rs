@@ -1,10 +1,9 @@
 //! The Q-formats of the control laws and the operations that `fixed` lacks.
 //!
 //! On a Cortex-M3 a 32-bit format multiplies in one `SMULL`, a 64-bit format in a library call. The loops therefore use
-//! [`Law`]; only the profile, which must land exactly, has a wider state.
+//! [`Law`].
 
-use core::num::NonZeroU32;
-use fixed::types::{I16F16, I32F32};
+use fixed::types::I16F16;
 
 /// Number of a control law: errors, velocities, gains, torques.
 pub type Law = I16F16;
@@ -16,98 +15,6 @@ pub const TICK_HZ: u32 = 1000;
 #[must_use]
 pub const fn gain(raw: u16, fraction_bits: u32) -> Law {
     Law::from_bits((raw as i32).saturating_mul(1 << (16 - fraction_bits)))
-}
-
-/// State of the profile: counts, counts a tick or counts a tick².
-pub type Wide = I32F32;
-
-/// `a · b` for two magnitudes with 32 fractional bits, rounded down; the product must be below 2^32.
-#[must_use]
-pub const fn mul_q32(a: u64, b: u64) -> u64 {
-    // By 32-bit words; the upper half of a1·b1 is zero since the product is below 2^32.
-    let (a1, a0, b1, b0) = (a >> 32, a & 0xFFFF_FFFF, b >> 32, b & 0xFFFF_FFFF);
-    let high = ((a1 * b1) << 32) + a1 * b0 + a0 * b1;
-    high + ((a0 * b0) >> 32)
-}
-
-/// `x²` with 51 fractional bits for a magnitude below 2^6 with 32 fractional bits, rounded down.
-#[must_use]
-pub const fn square_q51(x: u64) -> u64 {
-    let (x1, x0) = (x >> 32, x & 0xFFFF_FFFF);
-    let high = ((x1 * x1) << 51) + ((x1 * x0) << 20);
-    high + ((x0 * x0) >> 13)
-}
-
-/// `n / d`, rounded down, with the 32-bit `UDIV`: a third of the time of the library's 64-bit division.
-#[must_use]
-pub fn divide(n: u64, d: NonZeroU32) -> u64 {
-    let high = (n >> 32) as u32;
-    let (whole, rest) = (high / d.get(), high % d.get());
-    ((whole as u64) << 32) | divide_below(rest, n as u32, d) as u64
-}
-
-/// `(high · 2^32 + low) / d`, rounded down, where `high` < `d`: long division in two digits of 16 bits.
-fn divide_below(high: u32, low: u32, d: NonZeroU32) -> u32 {
-    let shift = d.leading_zeros();
-    let d = d.get() << shift;
-    let n = (((high as u64) << 32) | low as u64) << shift;
-    let (rest, upper) = digit((n >> 32) as u32, (n >> 16) as u32 & 0xFFFF, d);
-    let (_, lower) = digit(rest, n as u32 & 0xFFFF, d);
-    (upper << 16) | lower
-}
-
-/// One digit of a long division, and the remainder before it: `rest · 2^16 + next` by `d`, where `rest` < `d` and `d` has its
-/// highest bit set. The digit estimated from the upper half of `d` is at most two too large (Knuth, TAOCP 4.3.1 D).
-fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
-    // Setting the highest bit again shows the compiler that the divisor is not 0.
-    let mut guess = rest / (d >> 16 | 0x8000);
-    let remainder = (((rest as u64) << 16) | next as u64).wrapping_sub(guess as u64 * d as u64);
-    let mut low = remainder as u32;
-    // Adding d at most twice corrects a negative remainder.
-    let mut negative = remainder >> 32 != 0;
-    for _ in 0..2 {
-        if negative {
-            guess -= 1;
-            let (sum, carry) = low.overflowing_add(d);
-            low = sum;
-            negative = !carry;
-        }
-    }
-    (low, guess)
-}
-
-/// `n / d` with 32 fractional bits, where both have the same number of fractional bits, 2^6 ≤ d < 2^35 and the ratio is below
-/// 2^31; saturates there. The error is below 40 / d.
-#[must_use]
-pub fn ratio_q32(n: u64, d: u64) -> u64 {
-    // The highest 32 bits of d, rounded up so that the quotient is not too large.
-    let high = (d >> 32) as u32;
-    let shift = if high == 0 { 0 } else { 33 - high.leading_zeros() };
-    let rounded = (d >> shift) + u64::from(shift != 0);
-    let divisor = NonZeroU32::new(saturating_u32(rounded)).unwrap_or(NonZeroU32::MIN);
-    let (mut whole, mut rest) = (0, n);
-    if n >= d {
-        let dividend = n >> shift;
-        let high = (dividend >> 32) as u32;
-        if high >= divisor.get() {
-            return u64::MAX;
-        }
-        whole = divide_below(high, dividend as u32, divisor);
-        rest = n - whole as u64 * d;
-        // The rounded divisor makes the quotient up to 3 too small.
-        for _ in 0..3 {
-            if rest >= d {
-                whole = whole.saturating_add(1);
-                rest -= d;
-            }
-        }
-    }
-    let rest = saturating_u32(rest >> shift).min(divisor.get() - 1);
-    ((whole as u64) << 32) | divide_below(rest, 0, divisor) as u64
-}
-
-const fn saturating_u32(x: u64) -> u32 {
-    if x >> 32 != 0 { u32::MAX } else { x as u32 }
 }
 
 /// `v² / d`, within 2^-15 of it and rounded up where not exact; saturates at 2^32 − 1. `d` is not 0.
@@ -150,42 +57,6 @@ pub const fn half_octaves(us: u32) -> usize {
     let half = (us << zeros) >= 0xB504_F334;
     let octaves = 2 * (31 - zeros) + half as u32;
     octaves.saturating_sub(20) as usize
-}
-
-/// `√x` for 52 fractional bits: 32 fractional bits, of which the last six are zero, rounded down to 2^-26 but
-/// not to zero.
-#[must_use]
-pub const fn isqrt_q52(x: u64) -> u64 {
-    let root = (isqrt(x) as u64) << 6;
-    if root == 0 { 64 } else { root }
-}
-
-const fn isqrt(x: u64) -> u32 {
-    if x == 0 {
-        return 0;
-    }
-    let shift = x.leading_zeros() & !1;
-    let x = x << shift;
-    // Root of the upper word, in [2^30, 2^32): a straight line is within 5 %, and two Newton steps square that error twice.
-    let upper = (x >> 32) as u32;
-    let line = (upper >> 17) + (upper >> 19) + 24_000;
-    let once = (line + upper / line) / 2;
-    let twice = (once + upper / once) / 2;
-    // Newton's result is not below the root, and at most 2^16.
-    let half = if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice - 1 } else { twice };
-    // The lower half is (x − half² · 2^32) / (2 · half · 2^16), or one less (Zimmermann's square root).
-    let rest = upper - half * half;
-    let quotient = ((rest << 15) | ((x as u32) >> 17)) / half;
-    let quotient = if quotient > 0xFFFF { 0xFFFF } else { quotient };
-    let root = (half << 16) | quotient;
-    let root = if root as u64 * root as u64 > x { root - 1 } else { root };
-    root >> (shift / 2)
-}
-
-/// The first tick strictly after a time with 32 fractional bits, and the time from then to it, (0, 1].
-#[must_use]
-pub const fn next_tick(time: u64) -> (u32, u64) {
-    (((time >> 32) as u32).saturating_add(1), (1 << 32) - (time & 0xFFFF_FFFF))
 }
 
 /// `a · b / 2^shift`, rounded down and saturated to 32 bits. `shift` < 64.
@@ -285,40 +156,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const ONE: u64 = 1 << 32;
-
-    fn runs() -> impl Strategy<Value = u64> {
-        let run = (0..64_u32, any::<bool>());
-        let some = prop::collection::vec(run, 1..4);
-        let runs = some.prop_map(|runs| {
-            runs.iter().fold(0, |x: u64, &(at, up)| if up { x ^ (!0 >> at) } else { x ^ (1 << at) })
-        });
-        prop_oneof![runs, any::<u64>()]
-    }
-
     proptest! {
-        #[test]
-        fn products_and_squares_are_rounded_down(a in 0..1_u64 << 35, b in 0..1_u64 << 60) {
-            prop_assert_eq!(u128::from(mul_q32(a, b)), u128::from(a) * u128::from(b) / u128::from(ONE));
-            prop_assert_eq!(u128::from(mul_q32(b, a)), u128::from(a) * u128::from(b) / u128::from(ONE));
-            // By words: less than the exact square by the rounding of one of them.
-            let exact = u128::from(a) * u128::from(a) / (1 << 13);
-            prop_assert_eq!(u128::from(square_q51(a)), exact);
-        }
-
-        #[test]
-        fn quotient_is_rounded_down(n: u64, d: u32, shift in (0..64_u32, 0..32_u32)) {
-            let (n, d) = (n >> shift.0, NonZeroU32::new(d >> shift.1).unwrap_or(NonZeroU32::MIN));
-            prop_assert_eq!(divide(n, d), n / u64::from(d.get()));
-        }
-
-        /// Long runs of ones and zeros make the digit estimate too large twice.
-        #[test]
-        fn quotient_of_bit_runs_is_rounded_down(n in runs(), d in runs()) {
-            let d = NonZeroU32::new(u32::try_from(d >> 32).unwrap()).unwrap_or(NonZeroU32::MIN);
-            prop_assert_eq!(divide(n, d), n / u64::from(d.get()));
-        }
-
         #[test]
         fn products_and_sums_round_once_and_clamp(
             a in 0..=i32::MAX, b: i32, c in 0..=i32::MAX, d: i32, shift in (0..32_u32, 0..32_u32),
@@ -344,36 +182,6 @@ mod tests {
             let exact = i128::from(a) * i128::from(b);
             let error = (i128::from(round_product(Law::from_bits(a), Law::from_bits(b))) << 32) - exact;
             prop_assert!(error.abs() <= 1 << 31, "{error}");
-        }
-
-        /// n and d lose up to four bits, 16 units of n each, and the last digit is rounded down: d/2^32, up to 8.
-        #[test]
-        fn ratio_is_within_40_units_of_n(
-            n in runs(), d in runs(), shift in (7..64_u32, 29..58_u32),
-        ) {
-            let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
-            let exact = (u128::from(n) << 32) / u128::from(d);
-            let ratio = u128::from(ratio_q32(n, d));
-            prop_assert!(ratio <= exact || ratio == u128::from(u64::MAX), "{ratio} {exact}");
-            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 40, "{ratio} {exact}");
-        }
-
-        /// Large enough that the rounded divisor makes the quotient too small.
-        #[test]
-        fn ratio_of_large_numbers_is_within_40_units_of_n(n in 1_u64 << 62.., d in 1_u64 << 32..1 << 35) {
-            let exact = (u128::from(n) << 32) / u128::from(d);
-            let ratio = u128::from(ratio_q32(n, d));
-            prop_assert!(exact >> 63 != 0 || ratio <= exact, "{ratio} {exact}");
-            let most = 2 * 16 + u128::from(d >> 32);
-            prop_assert!(exact >> 63 != 0 || ((exact - ratio) * u128::from(d)) >> 32 <= most, "{ratio} {exact}");
-        }
-
-        #[test]
-        fn root_is_rounded_down_to_26_bits(x in any::<u64>(), shift in 0..64_u32) {
-            let x = (x >> shift).max(1);
-            let root = u128::from(isqrt_q52(x) >> 6);
-            prop_assert_eq!(isqrt_q52(x) & 63, 0);
-            prop_assert!(root * root <= u128::from(x) && (root + 1) * (root + 1) > u128::from(x));
         }
 
         /// The divisor is rounded down to 16 bits, 2^-15 of it, and so is the quotient.
@@ -409,13 +217,6 @@ mod tests {
             prop_assert_eq!((i128::from(x) - i128::from(low)) % (1 << 32), 0);
             prop_assert_eq!(i64::from(low_word(low)), low);
         }
-
-        #[test]
-        fn next_tick_is_at_most_one_later(time in 0..u64::from(u32::MAX) << 32) {
-            let (tick, wait) = next_tick(time);
-            prop_assert!((1..=ONE).contains(&wait));
-            prop_assert_eq!(u64::from(tick) << 32, time + wait);
-        }
     }
 
     #[test]
@@ -430,18 +231,6 @@ mod tests {
         assert_eq!(mul_shift(i32::MAX, 2, 1), i32::MAX);
         assert_eq!(mul_shift(1 << 30, 4, 1), i32::MAX);
         assert_eq!(mul_shift(-(1 << 30), 4, 1), i32::MIN);
-    }
-
-    #[test]
-    fn extremes_saturate() {
-        assert_eq!(ratio_q32(u64::MAX, 64), u64::MAX);
-        assert_eq!(isqrt_q52(0), 64);
-        for x in
-            [u64::MAX, u64::MAX << 32, 0xFFFE_0001_0000_0000, 0xFFFE_0000_FFFF_FFFF, 0xFFFF_FFFE_0000_0001]
-        {
-            assert_eq!(isqrt_q52(x), x.isqrt() << 6, "{x:x}");
-        }
-        assert_eq!(next_tick(u64::MAX), (u32::MAX, 1));
     }
 
     #[test]

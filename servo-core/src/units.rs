@@ -1,8 +1,6 @@
 //! Physical quantities as newtypes, each with one scale (decision 0002). Every conversion between a raw integer and a quantity
 //! is here. Positions are in hall counts, 18 a motor revolution, positive in the closing direction.
 
-use crate::num::{Wide, mul_upper};
-use core::num::NonZeroU64;
 use fixed::types::{I1F15, I16F16, I22F10};
 
 /// A position or a distance in hall counts, with 1/1024 count resolution. The 22 integer bits are those of the wire's
@@ -50,18 +48,6 @@ impl Counts {
     pub fn saturating_error(self) -> I16F16 {
         I16F16::from_bits(self.0.to_bits().clamp(i32::MIN >> 6, i32::MAX >> 6) << 6)
     }
-
-    /// The same with the profile's resolution.
-    #[must_use]
-    pub const fn to_wide(self) -> Wide {
-        Wide::from_bits((self.0.to_bits() as i64) << 22)
-    }
-
-    /// The nearest 1/1024 count; wraps outside ±2^21.
-    #[must_use]
-    pub const fn from_wide(counts: Wide) -> Self {
-        Self(I22F10::from_bits(((counts.to_bits() + (1 << 21)) >> 22) as i32))
-    }
 }
 
 /// A velocity in hall counts per second, ±32767 with 1/65536 resolution; positive closes.
@@ -88,23 +74,6 @@ impl CountsPerSec {
     #[must_use]
     pub const fn round(self) -> i16 {
         ((self.0.to_bits().saturating_add(1 << 15)) >> 16) as i16
-    }
-
-    /// The magnitude in counts a tick of 1 ms with 32 fractional bits, rounded down; at least one unit.
-    #[must_use]
-    pub fn to_wide_per_tick(self) -> NonZeroU64 {
-        // (bits << 16) / 1000 in two 32-bit divisions: the 64-bit one is a library call.
-        let bits = self.0.to_bits().unsigned_abs();
-        let (whole, fraction) = (bits / 1000, ((bits % 1000) << 16) / 1000);
-        NonZeroU64::new(((whole as u64) << 16) | fraction as u64).unwrap_or(NonZeroU64::MIN)
-    }
-
-    /// A velocity in counts a tick of 1 ms, nearest but for a quarter of 1/65536 count/s; wraps outside ±8 counts a tick.
-    #[must_use]
-    pub const fn from_wide_per_tick(velocity: Wide) -> Self {
-        // × 1000 >> 16 as the upper word of one `SMULL`: 28 fractional bits times 1000·2^20. Half an output unit is 33 here.
-        let sixteenths = ((velocity.to_bits() + 33) >> 4) as i32;
-        Self(I16F16::from_bits(mul_upper(sixteenths, 1000 << 20)))
     }
 }
 
@@ -193,10 +162,6 @@ impl Micros {
     }
 }
 
-/// A duration in milliseconds, which is control ticks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Millis(pub u32);
-
 /// A temperature in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct DeciCelsius(pub i16);
@@ -217,27 +182,5 @@ mod tests {
     fn torque_is_bounded_either_way() {
         let bounded = |torque| Torque(torque).clamp_abs(Torque(100));
         assert_eq!([-101, -100, 0, 7, 100, 101].map(bounded), [-100, -100, 0, 7, 100, 100].map(Torque));
-    }
-
-    #[test]
-    fn profile_quantities_round_to_the_nearest_step() {
-        let half = Wide::from_bits(1 << 21);
-        assert_eq!(Counts::from_wide(half).0.to_bits(), 1);
-        assert_eq!(Counts::from_wide(half - Wide::DELTA), Counts::ZERO);
-        assert_eq!(Counts::from_wide(Counts::from_int(-7).to_wide()), Counts::from_int(-7));
-        assert_eq!(Counts::from_wide(Wide::from_num(1 << 21)), Counts::from_int(-(1 << 21)), "wraps");
-        for v in [16, 1000, 4080] {
-            let per_tick = CountsPerSec::from_int(v).to_wide_per_tick().get().cast_signed();
-            let exact = (i128::from(v) << 32) / 1000;
-            assert_eq!(i128::from(per_tick), exact);
-            assert_eq!(
-                CountsPerSec::from_wide_per_tick(Wide::from_bits(per_tick)),
-                CountsPerSec::from_int(v)
-            );
-            assert_eq!(
-                CountsPerSec::from_wide_per_tick(Wide::from_bits(-per_tick)),
-                CountsPerSec::from_int(-v)
-            );
-        }
     }
 }

@@ -140,15 +140,6 @@ impl Thermal {
         self.judge(thermistor, otemp)
     }
 
-    /// As [`Self::step`] for a tick that has no time to judge; a judgment that is due waits for the next step. Never call it
-    /// twice in a row.
-    pub fn add(&mut self, applied: Torque) {
-        self.warm_by(applied);
-        if self.due & !LOOK != 0 {
-            self.due -= 1;
-        }
-    }
-
     /// Sets what is known of the winding, before the first step.
     pub const fn start(&mut self, start: Start) {
         self.start = Some(start);
@@ -317,15 +308,6 @@ mod tests {
     }
 
     #[test]
-    fn judgment_due_in_a_planning_tick_happens_in_the_next() {
-        let mut thermal = at(400, 700);
-        for _ in 0..TICKS {
-            thermal.add(Torque::ZERO);
-        }
-        assert!(thermal.step(Torque::ZERO, DeciCelsius(700), 700));
-    }
-
-    #[test]
     fn new_limit_applies_in_the_next_step() {
         let mut thermal = at(600, 700);
         thermal.look_next();
@@ -474,7 +456,7 @@ mod tests {
             let mut thermal = at(400, 700);
             thermal.marked = before;
             for _ in 0..5 {
-                thermal.add(Torque::ZERO);
+                let _ = thermal.step(Torque::ZERO, DeciCelsius(400), 700);
             }
             let due = thermal.due;
             thermal.set_marked(marked);
