@@ -1,10 +1,10 @@
 //! Hall decoder and the estimator of recorded shafts against recordings, and against generated motions of known velocity.
 
+use hil_experiment::recorded::real::Real;
+use hil_experiment::recorded::{RecordedShaft, Tuning};
 use hil_experiment::replay;
 use proptest::prelude::*;
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
-use servo_core::sense::recorded::real::Real;
-use servo_core::sense::recorded::{RecordedShaft, Tuning};
 use servo_core::units::Micros;
 use std::fs::File;
 use std::io::Read;

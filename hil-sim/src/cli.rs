@@ -8,7 +8,7 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use servo_core::sense::recorded::SPEED_MAX;
+use hil_experiment::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
 use super::apply::{self, ApplyArgs};

@@ -98,11 +98,11 @@ const ARROWS: [Arrows; 22] = [
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics"],
         others: Some(&["fixed (dev)", "flate2", "libm", "proptest (dev)", "rand", "rand_pcg", "serde"]),
     },
-    // toml: scenarios. flate2: recordings. fixed: estimates of a replay.
+    // toml: scenarios. flate2: recordings. fixed, heapless: the estimator of a replay.
     Arrows {
         package: "hil-experiment",
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "traces", "charts", "hil-world"],
-        others: Some(&["fixed", "flate2", "rand", "rand_pcg", "serde", "serde_json", "toml"]),
+        others: Some(&["fixed", "flate2", "heapless", "rand", "rand_pcg", "serde", "serde_json", "toml"]),
     },
     // wraptor: lines of SLCAN.
     Arrows {

@@ -12,6 +12,7 @@ pub mod packets;
 pub mod page;
 pub mod picture;
 pub mod properties;
+pub mod recorded;
 pub mod replay;
 pub mod report;
 pub mod run;

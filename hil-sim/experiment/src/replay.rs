@@ -5,8 +5,8 @@
 //!
 //! No hall code is 0x5A, so samples are found again after bytes that were lost, added or damaged (see [`samples`]).
 
+use crate::recorded::{RecordedShaft, SPEED_MAX};
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
-use servo_core::sense::recorded::{RecordedShaft, SPEED_MAX};
 use servo_core::units::{Counts, CountsPerSec, Micros};
 use std::fs::File;
 use std::io::{Read, Write};

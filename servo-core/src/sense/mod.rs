@@ -2,5 +2,4 @@
 pub mod commutation;
 pub mod hall;
 pub mod observer;
-pub mod recorded;
 pub mod wiring;

@@ -1,6 +1,6 @@
 use super::*;
-use crate::sense::hall::Direction;
 use proptest::prelude::*;
+use servo_core::sense::hall::Direction;
 
 /// Edges at the given times, alternately falling and rising; boundaries with an odd number rise when closing.
 fn feed<const N: usize>(

@@ -57,12 +57,12 @@
 //!
 //! [`Real`] (Q32.32, saturating) throughout; x relative to the boundary last crossed.
 
-use crate::sense::hall::HallEdge;
-use crate::units::{Counts, CountsPerSec, Micros};
 use fixed::types::{I16F16, I22F10};
 use heapless::Vec;
 use marks::{Interval, Pattern, difference, factor};
 use real::{HALF, ONE, Real, ZERO, exp_neg, larger, ratio, root, seconds, truncated, whole, within};
+use servo_core::sense::hall::HallEdge;
+use servo_core::units::{Counts, CountsPerSec, Micros};
 
 pub use tuning::Tuning;
 

@@ -1,7 +1,7 @@
 //! Saturating Q32.32 numbers, and the functions of the normal distribution.
 
-use crate::units::Micros;
 use fixed::types::I32F32;
+use servo_core::units::Micros;
 
 /// A saturating number with 32 fractional bits: ±2^31 in steps of 2.3·10^-10.
 pub type Real = fixed::Saturating<I32F32>;
