@@ -102,7 +102,17 @@ const ARROWS: [Arrows; 22] = [
     Arrows {
         package: "hil-experiment",
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "traces", "charts", "hil-world"],
-        others: Some(&["fixed", "flate2", "heapless", "rand", "rand_pcg", "serde", "serde_json", "toml"]),
+        others: Some(&[
+            "fixed",
+            "flate2",
+            "heapless",
+            "proptest (dev)",
+            "rand",
+            "rand_pcg",
+            "serde",
+            "serde_json",
+            "toml",
+        ]),
     },
     // wraptor: lines of SLCAN.
     Arrows {

@@ -1,6 +1,6 @@
 //! Position and velocity of a shaft from its hall edges alone: recordings, and shafts that are turned from outside.
 //!
-//! Nothing is known of the torque, the marks or the number of poles. The servo has an estimator of its own ([`observer`](super::observer)),
+//! Nothing is known of the torque, the marks or the number of poles. The servo has an estimator of its own ([`observer`](servo_core::sense::observer)),
 //! which costs a microcontroller a few hundred instructions an edge; this one costs many times that.
 //!
 //! # Design
