@@ -521,19 +521,10 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::tests::cells;
 
     fn read(csv: &str) -> Result<Reader, TableError> {
         Reader::new(csv.as_bytes().to_vec())
-    }
-
-    fn cells(reader: &Reader) -> Vec<Vec<Cell>> {
-        let mut rows = Vec::new();
-        let push = &mut |row: &[Cell]| {
-            rows.push(row.to_vec());
-            Ok(())
-        };
-        reader.rows(push).expect("read before");
-        rows
     }
 
     /// The same two rows, as programs elsewhere write them.

@@ -369,6 +369,7 @@ impl Reader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::tests::cells;
 
     fn heading() -> Heading {
         let columns = vec![Column::new(TIME, "ms", Kind::Float), Column::new("bus_v", "V", Kind::Float)];
@@ -410,16 +411,6 @@ mod tests {
                 Reader::new(damaged(bytes)).err().map(|error| format!("{error:?}")).expect("an error");
             assert!(error.contains("the file is damaged"), "{error}");
         }
-    }
-
-    fn cells(reader: &Reader) -> Vec<Vec<Cell>> {
-        let mut rows = Vec::new();
-        let push = &mut |row: &[Cell]| {
-            rows.push(row.to_vec());
-            Ok(())
-        };
-        reader.rows(push).expect("rows");
-        rows
     }
 
     /// Writes a table both ways, and reads each.

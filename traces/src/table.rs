@@ -312,8 +312,19 @@ pub fn check(columns: &[Column], row: u64, cells: &[Cell]) -> Result<(), TableEr
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// All rows of a table.
+    pub fn cells(source: &dyn Source) -> Vec<Vec<Cell>> {
+        let mut rows = Vec::new();
+        let push = &mut |row: &[Cell]| {
+            rows.push(row.to_vec());
+            Ok(())
+        };
+        source.rows(push).expect("whole rows");
+        rows
+    }
 
     #[test]
     fn cell_is_written_with_the_digits_of_its_column() {

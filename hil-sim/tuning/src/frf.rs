@@ -270,16 +270,16 @@ fn polar(
     let own: Vec<_> = magnitudes.iter().copied().filter(|(_, name)| name.channel == angle.channel).collect();
     let own = if own.is_empty() { magnitudes.to_vec() } else { own };
     let (in_db, linear): (Vec<_>, Vec<_>) = own.into_iter().partition(|(_, name)| name.unit == "db");
-    let both = [linear, in_db].into_iter().filter(|found| !found.is_empty());
-    let forms = both.map(|found| {
-        let (magnitude, size) = one(table, &found, "mag")?;
+    let form = |found: &[&(usize, Name)]| {
+        let (magnitude, size) = one(table, found, "mag")?;
         Ok(Form::Polar { magnitude, is_db: size.unit == "db", phase, rad })
-    });
-    let forms = forms.collect::<Result<Vec<_>, BadInput>>()?;
-    if forms.is_empty() {
-        one(table, &[], "mag")?;
+    };
+    // Several columns in dB beside a linear one decide nothing.
+    if linear.is_empty() {
+        Ok(vec![form(&in_db)?])
+    } else {
+        Ok([form(&linear)?].into_iter().chain(form(&in_db).ok()).collect())
     }
-    Ok(forms)
 }
 
 /// The only column of a part.
@@ -390,6 +390,8 @@ mod tests {
             );
             first(csv, &[(beside, beside)]).expect("chosen");
         }
+        let several = "freq_hz,mag,a_mag_db,b_mag_db,phase_deg\n10,0.5,0,1,-90\n";
+        first(several, &[]).expect("the linear one");
         // Rounded so far that a small number is lost.
         let rounded =
             "freq_hz,mag,mag_db,phase_deg\n1,0.500,-6.02,-90\n2,0.200,-13.98,-90\n9,0.001,-65.2,-90\n";

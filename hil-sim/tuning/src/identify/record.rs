@@ -2,6 +2,7 @@
 
 use hil_world::rig::halls::CODES;
 use tater_wire::MotorKind;
+use tater_wire::mode::ROWS;
 use traces::input::BadInput;
 use traces::names::{MOTOR, TIME, UNIT_N_M, UNTRUSTED, clock_unit};
 use traces::numbers::Numbers;
@@ -33,9 +34,8 @@ const MOST_SWAPPED: f64 = 0.05;
 const MOST_A: f64 = 100.0;
 const MOST_TORQUE: f64 = 4096.0;
 
-/// The largest board address, and the largest MODE.
+/// The largest board address.
 const LAST_NODE: f64 = 31.0;
-const LAST_MODE: f64 = 5.0;
 
 /// Fewest counts that tell anything of a motor: two electrical revolutions.
 const LEAST_COUNTS: i64 = 12;
@@ -199,7 +199,14 @@ impl<'a> Columns<'a> {
                 1.0 => true,
                 _ => return Err(self.of.bad(row, column, "neither", "0 or 1")),
             },
-            Bridge::Mode(column) => self.whole(row, column, [0.0, LAST_MODE], "0 to 5, a MODE")? != 0.0,
+            Bridge::Mode(column) => {
+                let mode = self.of.number(row, column)?;
+                let mut modes = ROWS.iter().map(|spec| f64::from(spec.code.number()));
+                if !modes.any(|known| known == mode) {
+                    return Err(self.of.bad(row, column, "no mode", "a value of MODE (docs/properties.md)"));
+                }
+                mode != 0.0
+            }
         };
         let released = self.maybe(row, self.released)?.is_some_and(|released| released > 0.5);
         Ok(Row {
@@ -454,6 +461,10 @@ mod tests {
             lines[line] = text.to_owned();
             lines
         };
+        let mut no_mode = with(3, "2,2,24.0,0.1,20.0,99,200");
+        no_mode[0] = HEADER.replace("bridge_on", "mode");
+        // MODE has no 1.
+        no_mode.iter_mut().for_each(|line| *line = line.replace(",1,200", ",3,200"));
         let mut gap = trace(500);
         gap.drain(50..70);
         let without_current = (0..500).map(|ms| format!("{ms},{},24.0,0.0,20.0,1,200", CODES[ms / 10 % 6]));
@@ -472,6 +483,7 @@ mod tests {
             (with(3, "2,300,24.0,0.1,20.0,1,200"), "t.csv:4", "halls_code: out of range"),
             (with(3, "2,2,24.0,0.1,20.0,1,"), "t.csv:4", "torque_per_1024: an empty cell"),
             (with(0, &HEADER.replace("torque_per_1024", "torque")), "t.csv:1", "no column torque_per_1024"),
+            (no_mode, "t.csv:4", "mode: no mode"),
             (without_current, "t.csv", "bus_a never changes"),
             (too_hot, "t.csv:2", "thermistor_c: out of range"),
             (with(3, "2,2,24.0,1e300,20.0,1,200"), "t.csv:4", "bus_a: out of range"),
