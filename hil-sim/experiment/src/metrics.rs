@@ -171,7 +171,7 @@ pub const fn fault_word(fault: Fault) -> &'static str {
 
 /// Name of a mode.
 #[must_use]
-pub const fn mode_word(mode: Mode) -> &'static str {
+pub(crate) const fn mode_word(mode: Mode) -> &'static str {
     match mode {
         Mode::Idle => "idle",
         Mode::Torque => "torque",

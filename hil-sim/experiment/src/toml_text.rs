@@ -116,7 +116,7 @@ fn plain_type(expected: &str) -> String {
 }
 
 /// The next step for an unknown key, given the parser's list of known ones.
-pub fn suggestion(key: &str, expected: &str) -> String {
+pub(crate) fn suggestion(key: &str, expected: &str) -> String {
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
     match did_you_mean(key, known.iter().copied()) {
         Some(question) => format!("{question} (a name's end is its unit)"),

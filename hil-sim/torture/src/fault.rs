@@ -192,7 +192,7 @@ impl Faults {
     }
 
     /// Heals everything, and raises no more.
-    pub fn heal_all<S: Subject>(&mut self, hand: &mut Hand<S>, ms: u64) {
+    pub(crate) fn heal_all<S: Subject>(&mut self, hand: &mut Hand<S>, ms: u64) {
         self.planned.clear();
         for active in std::mem::take(&mut self.active) {
             self.heal(hand, &active, ms);
@@ -200,12 +200,12 @@ impl Faults {
     }
 
     /// The kinds that are active at a motor.
-    pub fn active_at(&self, motor: usize) -> Kinds {
+    pub(crate) fn active_at(&self, motor: usize) -> Kinds {
         kinds(self.places().filter(meets(motor)))
     }
 
     /// Those, and those that ended within [`AFTERMATH_MS`].
-    pub fn recent_at(&self, motor: usize) -> Kinds {
+    pub(crate) fn recent_at(&self, motor: usize) -> Kinds {
         kinds(self.recent_places().filter(meets(motor)))
     }
 
@@ -347,7 +347,7 @@ fn with_board<S: Subject>(hand: &mut Hand<S>, motor: usize, act: impl FnOnce(&mu
 }
 
 /// Does something to a motor's rig.
-pub fn with_rig<S: Subject>(hand: &mut Hand<S>, motor: usize, act: impl FnOnce(&mut Rig)) {
+pub(crate) fn with_rig<S: Subject>(hand: &mut Hand<S>, motor: usize, act: impl FnOnce(&mut Rig)) {
     with_board(hand, motor, |board| act(board.rig_mut()));
 }
 

@@ -17,9 +17,10 @@ mod power;
 pub mod promise;
 mod truth;
 
-pub use contact::MAY_PRESS;
+pub(crate) use contact::MAY_PRESS;
 use excuse::Excuse;
-pub use joint::{AFTERMATH_MS, Ground, Joint, Seen, View};
+pub(crate) use joint::AFTERMATH_MS;
+pub use joint::{Ground, Joint, Seen, View};
 
 /// An invariant.
 #[derive(Clone, Copy)]
@@ -64,21 +65,21 @@ pub const PROMPT: &str = "prompt";
 /// ^C brings the prompt.
 pub const ABORT: &str = "abort";
 /// GOD's mailboxes and queues.
-pub const QUEUES: &str = "queues";
+pub(crate) const QUEUES: &str = "queues";
 /// Energy balance of the simulated motors.
-pub const ENERGY: &str = "energy";
+pub(crate) const ENERGY: &str = "energy";
 /// The image on the emulated processor neither stops nor drives both switches of a leg.
 pub const IMAGE: &str = "image-runs";
 /// Settings come back.
-pub const GIVES_BACK: &str = "gives-back";
+pub(crate) const GIVES_BACK: &str = "gives-back";
 /// Nothing panics.
-pub const NO_PANIC: &str = "no-panic";
+pub(crate) const NO_PANIC: &str = "no-panic";
 /// Liveness: the hand homes.
-pub const HOMES: &str = "homes-again";
+pub(crate) const HOMES: &str = "homes-again";
 /// Liveness: the hand moves.
 pub const MOVES: &str = "moves-again";
 /// Liveness: RealTime tells the truth.
-pub const STREAMS: &str = "streams-again";
+pub(crate) const STREAMS: &str = "streams-again";
 
 /// Every invariant.
 pub const INVARIANTS: &[Invariant] = &[
@@ -362,7 +363,7 @@ pub fn find(name: &str) -> Option<&'static Invariant> {
 impl Invariant {
     /// Whether it is checked on emulated boards as well, whose program is not seen.
     #[must_use]
-    pub const fn is_seen_from_outside(&self) -> bool {
+    pub(crate) const fn is_seen_from_outside(&self) -> bool {
         !matches!(self.check, Check::Program(_))
     }
 }

@@ -194,7 +194,7 @@ table! {
 }
 
 /// The kinds from which each seed draws its own. Later ones are drawn apart ([`super::case`]), so that the seeds before them stay what they were.
-pub const DRAWN: &[Row] = ROWS.split_at(FaultKind::SameNumber as usize).0;
+pub(crate) const DRAWN: &[Row] = ROWS.split_at(FaultKind::SameNumber as usize).0;
 
 impl FaultKind {
     /// The row.

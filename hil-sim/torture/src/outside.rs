@@ -25,7 +25,7 @@ type Host = fn(&mut Pcg64Mcg) -> Vec<Burst>;
 pub const HOSTS: [Host; 4] = [barretts_api, libbarrett, owd, cisst];
 
 /// The bursts of one of the hosts.
-pub fn bursts(rng: &mut Pcg64Mcg) -> Vec<Burst> {
+pub(crate) fn bursts(rng: &mut Pcg64Mcg) -> Vec<Burst> {
     let host = one(rng, &HOSTS);
     host(rng)
 }
@@ -34,7 +34,7 @@ pub fn bursts(rng: &mut Pcg64Mcg) -> Vec<Burst> {
 const DAMAGE: u32 = 10;
 
 /// What an adapter sends of the bursts, when a serial line loses, doubles or changes some of their characters.
-pub fn through_adapter(rng: &mut Pcg64Mcg, bursts: Vec<Burst>) -> Vec<Burst> {
+pub(crate) fn through_adapter(rng: &mut Pcg64Mcg, bursts: Vec<Burst>) -> Vec<Burst> {
     let mut sent = |frame: Frame| {
         let mut line = slcan::format(&frame, None).into_bytes();
         if rng.random_ratio(1, DAMAGE) {

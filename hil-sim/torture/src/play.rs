@@ -77,7 +77,7 @@ pub fn play<S: Subject>(case: &Case, hand: Hand<S>) -> (Outcome, Hand<S>) {
 }
 
 /// [`play`], with a look at the hand after each millisecond.
-pub fn play_watched<S: Subject>(
+pub(crate) fn play_watched<S: Subject>(
     case: &Case,
     hand: Hand<S>,
     look: &mut dyn FnMut(&Hand<S>),

@@ -138,7 +138,7 @@ impl Program {
     }
 
     /// The steps of a long program: spells of work, some of which heat windings, and rests in which they cool.
-    pub fn long_steps(&self, rng: &mut Pcg64Mcg, stop_ms: u64) -> Vec<Step> {
+    pub(crate) fn long_steps(&self, rng: &mut Pcg64Mcg, stop_ms: u64) -> Vec<Step> {
         let mut steps = vec![Step { at_ms: 0, act: self.line("HI".to_owned(), rng) }];
         let mut at_ms = 4_000;
         while at_ms < stop_ms {

@@ -14,7 +14,7 @@ use super::stream::stream;
 use hil_world::node::Node;
 
 /// Longest time from the end of the faults until the hand has homed and moved, ms: attempts at HI, FIND for motors that have lost their wiring, C and O.
-pub const RECOVERY_MS: u64 = 120_000;
+pub(crate) const RECOVERY_MS: u64 = 120_000;
 
 /// Longest time of a command, ms.
 const LINE_MS: u64 = 25_000;

@@ -163,7 +163,7 @@ impl<'a, S: Subject> Session<'a, S> {
     }
 
     /// Lets steps begin and go on after the program's end: for the recovery.
-    pub fn end_program(&mut self) {
+    pub(crate) fn end_program(&mut self) {
         self.stop_ms = u64::MAX;
     }
 

@@ -20,7 +20,7 @@ pub fn settings() -> impl Iterator<Item = Property> {
 }
 
 /// Whether a property is one of [`settings`].
-pub fn is_setting(property: Property) -> bool {
+pub(crate) fn is_setting(property: Property) -> bool {
     let row = property.row();
     row.stored == Stored::Yes && row.access == Access::ReadWrite && property != Property::P
 }
@@ -45,12 +45,12 @@ pub struct Shadow {
 
 impl Shadow {
     /// The host has begun, or has brought a prompt by ^C: what it sends next has the next prompt.
-    pub fn fall_in_step(&mut self) {
+    pub(crate) fn fall_in_step(&mut self) {
         self.in_step = true;
     }
 
     /// The host has sent what may have any number of prompts and may set anything.
-    pub fn lose_step(&mut self) {
+    pub(crate) fn lose_step(&mut self) {
         self.in_step = false;
         self.forget();
     }

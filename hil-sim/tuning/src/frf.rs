@@ -51,7 +51,7 @@ impl Form {
 }
 
 /// What a response must have.
-pub const EXPECTED: &str = "freq_hz with re, im or mag, phase_deg (or mag_db, phase_deg)";
+pub(crate) const EXPECTED: &str = "freq_hz with re, im or mag, phase_deg (or mag_db, phase_deg)";
 
 /// Names that `--columns` gives to columns.
 pub const NAMES: [&str; 8] = ["freq_hz", "freq_rad_s", "re", "im", "mag", "mag_db", "phase_deg", "phase_rad"];

@@ -7,7 +7,7 @@ pub mod bode;
 pub mod compare;
 pub mod frf;
 pub mod identify;
-pub mod multisine;
+pub(crate) mod multisine;
 pub mod response;
 pub mod spectrum;
 pub mod sweep;

@@ -148,7 +148,7 @@ impl SimBoard {
 
     /// The last ADC readings.
     #[must_use]
-    pub const fn analog_now(&self) -> &Analog {
+    pub(crate) const fn analog_now(&self) -> &Analog {
         &self.analog
     }
 
@@ -199,7 +199,7 @@ impl SimBoard {
     }
 
     /// Resets the pins and the CAN controller, as on a reset or a loss of power. [`Board::reset_cause`] returns `cause`.
-    pub fn reset_pins(&mut self, cause: Option<FaultCode>) {
+    pub(crate) fn reset_pins(&mut self, cause: Option<FaultCode>) {
         self.bridge(Bridge::Off);
         self.brake_released = false;
         self.mailboxes.clear();

@@ -128,7 +128,7 @@ impl Node {
 
     /// A board at power-up with its flash unchanged.
     #[must_use]
-    pub fn with_flash_kept(mut board: SimBoard) -> Self {
+    pub(crate) fn with_flash_kept(mut board: SimBoard) -> Self {
         board.forget();
         let mut node = Self::off(board);
         node.power_on();

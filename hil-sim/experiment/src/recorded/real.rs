@@ -81,7 +81,7 @@ pub fn exp_neg(x: Real) -> Real {
 }
 
 /// Density of the normal distribution, φ(z).
-pub fn density(z: Real) -> Real {
+pub(crate) fn density(z: Real) -> Real {
     exp_neg(z * z * HALF) * DENSITY_0
 }
 

@@ -33,7 +33,7 @@ pub struct Tuning {
 
 impl Tuning {
     /// The one setting of all figures in `docs/estimation.md`.
-    pub const DEFAULT: Self = Self {
+    pub(crate) const DEFAULT: Self = Self {
         accelerations: [real!("1700"), real!("40000"), real!("1700"), real!("2000000")],
         deviations: [real!("0.0125"), real!("0.0125"), real!("0.2"), real!("0.2")],
         stay: real!("0.995"),

@@ -77,7 +77,7 @@ pub struct Right {
 }
 
 /// Every such right.
-pub const MAY_PRESS: [Right; 4] = [
+pub(crate) const MAY_PRESS: [Right; 4] = [
     Right {
         who: "any, with TSTOP 0",
         why: "its host wants no end: manual 5.3.4",

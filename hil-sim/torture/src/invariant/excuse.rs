@@ -30,7 +30,7 @@ pub struct Excuse {
 
 impl Excuse {
     /// Whether the motor need not hold the invariant at all.
-    pub const fn excuses(&self, view: &View) -> bool {
+    pub(crate) const fn excuses(&self, view: &View) -> bool {
         match self.reach {
             Reach::Now => view.active.meets(self.faults),
             Reach::Here => view.faults.meets(self.faults),
@@ -40,12 +40,12 @@ impl Excuse {
     }
 
     /// Whether the motor has one of the faults, or had within [`super::AFTERMATH_MS`].
-    pub const fn is_recent(&self, view: &View) -> bool {
+    pub(crate) const fn is_recent(&self, view: &View) -> bool {
         view.faults.meets(self.faults)
     }
 
     /// Whether the motor has one of the faults.
-    pub const fn is_active(&self, view: &View) -> bool {
+    pub(crate) const fn is_active(&self, view: &View) -> bool {
         view.active.meets(self.faults)
     }
 }
@@ -75,7 +75,7 @@ const LOADS: Kinds = Kinds::of(&[F::Push, F::Jam, F::BrakeStuckOn, F::BrakeStuck
 pub const NONE: &[Excuse] = &[];
 
 /// Of winding-temperature.
-pub const WINDING: &[Excuse] = &[LYING_WINDING];
+pub(crate) const WINDING: &[Excuse] = &[LYING_WINDING];
 pub(super) const LYING_WINDING: Excuse = part(
     LYING_SENSORS.union(Kinds::of(&[F::ThermistorOpen])),
     "the winding stays below 155 C: the thermistor is the only anchor of the board's model",
@@ -112,7 +112,7 @@ pub const LOAD: &[Excuse] = &[
 ];
 
 /// Of no-watchdog-reset.
-pub const WATCHDOG: &[Excuse] = &[here(Kinds::of(&[F::BoardHang]), "the program was hung")];
+pub(crate) const WATCHDOG: &[Excuse] = &[here(Kinds::of(&[F::BoardHang]), "the program was hung")];
 
 /// Of speed-limit.
 pub const SPEED: &[Excuse] = &[PUSHED];
@@ -126,10 +126,10 @@ pub const LOADED: &[Excuse] =
     &[here(LOADS, "a load from outside moves the motor the wrong way, and into its stop")];
 
 /// Of stall-ends-force.
-pub const STALL: &[Excuse] = &[here(LYING_HALLS, "lines that lie show counts that there are not")];
+pub(crate) const STALL: &[Excuse] = &[here(LYING_HALLS, "lines that lie show counts that there are not")];
 
 /// Of torque-at-contact.
-pub const TORQUE: &[Excuse] = &[UNJUDGED_EMF, HANGS];
+pub(crate) const TORQUE: &[Excuse] = &[UNJUDGED_EMF, HANGS];
 const UNJUDGED_EMF: Excuse = here(
     LYING_HALLS.union(LYING_SENSORS),
     "lines, a bus voltage or a current that lie leave the EMF unjudged",
@@ -141,7 +141,7 @@ pub const FINGER: &[Excuse] =
     &[UNJUDGED_EMF, HANGS, here(Kinds::of(&[F::Push]), "the load from outside presses as well")];
 
 /// Of breaks-away and end-is-true.
-pub const UNSEEN: &[Excuse] = &[here(
+pub(crate) const UNSEEN: &[Excuse] = &[here(
     LYING_HALLS.union(LYING_SENSORS),
     "a board that does not see its rotor, bus or current does not know its load",
 )];
@@ -153,7 +153,7 @@ pub const VALUES: &[Excuse] = &[
 ];
 
 /// Of ends-in-time.
-pub const IN_TIME: &[Excuse] =
+pub(crate) const IN_TIME: &[Excuse] =
     &[here(LYING_HALLS, "a rotor is misplaced until the lines are found out"), HINDERED];
 pub(super) const HINDERED: Excuse = part(
     LYING_SENSORS.union(Kinds::of(&[F::Push, F::Jam, F::BrakeStuckOn, F::SupplySag])),
@@ -161,7 +161,8 @@ pub(super) const HINDERED: Excuse = part(
 );
 
 /// Of arrived-is-true.
-pub const ARRIVED: &[Excuse] = &[here(LYING_HALLS, "a rotor is misplaced until the lines are found out")];
+pub(crate) const ARRIVED: &[Excuse] =
+    &[here(LYING_HALLS, "a rotor is misplaced until the lines are found out")];
 
 /// Of counters-grow.
 pub const COUNTERS: &[Excuse] = &[DAMAGED, CUT];
@@ -182,7 +183,7 @@ pub const REFUSALS: &[Excuse] = &[Excuse {
 }];
 
 /// Of position-is-true.
-pub const POSITION: &[Excuse] = &[UNSEEN_COUNT, HOMED_ELSEWHERE, JAMMED_AGAIN];
+pub(crate) const POSITION: &[Excuse] = &[UNSEEN_COUNT, HOMED_ELSEWHERE, JAMMED_AGAIN];
 pub(super) const UNSEEN_COUNT: Excuse = part(
     LYING_HALLS,
     "a wrong position is found out within 1 s: standing, a board cannot tell such a line from a count; a position that is named meanwhile may be off by one more",

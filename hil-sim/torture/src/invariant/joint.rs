@@ -12,7 +12,7 @@ use hil_world::plant::{PlantParams, RAD_PER_COUNT};
 use hil_world::rig::{Bridge, Truth};
 
 /// Time after a fault's end during which it still excuses, ms: a rotor comes to rest, a latched reading expires.
-pub const AFTERMATH_MS: u64 = 1_000;
+pub(crate) const AFTERMATH_MS: u64 = 1_000;
 
 /// Ticks over which a limit may have been higher: the thermistor is read every 16 ticks, a tick that plans a move still applies the
 /// torque of the tick before.
@@ -442,7 +442,7 @@ impl Joint {
     }
 
     /// How far a rotor that arrives with this speed would enter a stop without a damper, counts: v·√(J/k).
-    pub fn blow(&self, counts_per_s: f64) -> f64 {
+    pub(crate) fn blow(&self, counts_per_s: f64) -> f64 {
         (self.plant.j_kg_m2 * self.plant.stop_rad_n_m()).sqrt() * counts_per_s
     }
 

@@ -47,14 +47,14 @@ impl Normal {
     }
 
     /// Adds a prior on an unknown: it is `y` ± `sigma`.
-    pub fn prior(&mut self, index: usize, y: f64, sigma: f64) {
+    pub(crate) fn prior(&mut self, index: usize, y: f64, sigma: f64) {
         let mut row = vec![0.0; self.size];
         row[index] = 1.0;
         self.count(&row, 1.0 / (sigma * sigma), y);
     }
 
     /// The solution; `None` if the rows do not determine the unknowns.
-    pub fn solve(&self) -> Option<Solution> {
+    pub(crate) fn solve(&self) -> Option<Solution> {
         let n = self.size;
         let inverse = inverse(&self.square, n)?;
         let x: Vec<f64> = (0..n).map(|i| (0..n).map(|j| inverse[i * n + j] * self.right[j]).sum()).collect();

@@ -15,7 +15,7 @@ use super::record::Row;
 use hil_world::plant::RAD_PER_COUNT;
 
 /// Least speed, counts/s: below, friction falls with speed (Stribeck), which this model lacks.
-pub const LEAST_SPEED: f64 = 90.0;
+pub(crate) const LEAST_SPEED: f64 = 90.0;
 
 /// Longest stretch, s: the current's noise, integrated twice, grows with t^1.5.
 const MOST_S: f64 = 0.2;
@@ -37,14 +37,14 @@ const BOUNDARY_COUNTS: f64 = 0.02;
 const USUAL_SQUARE: f64 = 1.5;
 
 /// 1/J, Fc/J, b/J and the delay of a motor, and the standard deviations of these weak beliefs: half a row for the delay.
-pub const BELIEFS: [f64; 4] = [5e4, 1.5e3, 0.5, 0.0];
+pub(crate) const BELIEFS: [f64; 4] = [5e4, 1.5e3, 0.5, 0.0];
 const SIGMAS: [f64; 4] = [1.5e5, 1e4, 5.0, 5e-4];
 
 /// Rounds of the weights of the stretches.
 const ROUNDS: usize = 6;
 
 /// Columns of the common unknowns: 1/J, Fc/J, b/J, delay, five of six placements.
-pub const SIZE: usize = 9;
+pub(crate) const SIZE: usize = 9;
 
 /// What the mechanical half consists of.
 #[derive(Clone, Debug)]
@@ -59,7 +59,7 @@ pub struct Mechanic {
 
 impl Mechanic {
     /// Whether the inertia is that of a motor: 20 to 1000 g·cm².
-    pub fn is_plausible(&self) -> bool {
+    pub(crate) fn is_plausible(&self) -> bool {
         (1e4..5e5).contains(&self.solution.x[0])
     }
 

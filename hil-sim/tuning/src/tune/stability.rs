@@ -183,7 +183,7 @@ pub fn edge(settings: &Settings, best: &Candidate, runs: &mut u64) -> Option<f64
 
 /// Lowers all gains if their [`edge`] is nearer than [`LEAST_EDGE`], and further while a loop's margins do not suffice. Adds its runs to `runs`.
 #[must_use]
-pub fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> Stable {
+pub(crate) fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> Stable {
     let edge = edge(settings, best, runs);
     let mut judge = |factor: f64| judge(settings, best, factor, runs);
     let mut backed_off = edge.map_or(1.0, |edge| f64::min(1.0, edge / LEAST_EDGE));

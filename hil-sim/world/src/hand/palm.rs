@@ -17,7 +17,7 @@ const AMBIENT_C: f64 = 25.0;
 const BOARDS_W: f64 = 10.0;
 
 /// Interval of the equation, µs: a ten-thousandth of the time constant, in which seven stalls at full torque warm the palm by 0.19 K.
-pub const INTERVAL_US: u64 = 100_000;
+pub(crate) const INTERVAL_US: u64 = 100_000;
 
 /// The palm. A hand begins at rest temperature, as its boards do.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ impl Palm {
     }
 
     /// Forces the reading, °C: a sensor's fault, or a day's heat at once. `None`: it follows the model.
-    pub const fn fix(&mut self, celsius: Option<f64>) {
+    pub(crate) const fn fix(&mut self, celsius: Option<f64>) {
         self.fixed_c = celsius;
     }
 

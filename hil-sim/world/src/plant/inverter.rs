@@ -5,7 +5,7 @@ use super::circuit::{Flow, PairFlow, Terminal, Winding};
 use servo_core::sense::commutation::{Bridge, Leg};
 
 /// PWM period, µs: 20 kHz.
-pub const PERIOD_US: u64 = 50;
+pub(crate) const PERIOD_US: u64 = 50;
 const PERIOD_S: f64 = 50e-6;
 /// Compare steps from zero to full duty: a 72 MHz timer counting up and down at 20 kHz. A duty that rounds to
 /// full never switches, so it has no dead time.

@@ -184,7 +184,7 @@ impl Joint {
 
     /// What a person's finger in the joint's way feels, N·m at the motor, and the energy that it stores, J.
     #[must_use]
-    pub fn on_finger(&self, shaft: &Shaft) -> (f64, f64) {
+    pub(crate) fn on_finger(&self, shaft: &Shaft) -> (f64, f64) {
         let Some(finger) = self.finger else { return (0.0, 0.0) };
         let joint = self.position(shaft.theta);
         let depth = finger.side * (joint - finger.from);
@@ -298,7 +298,7 @@ impl Joint {
 
     /// Energy stored in springs and in the magnets at a position, J.
     #[must_use]
-    pub fn spring_j(&self, theta: f64) -> f64 {
+    pub(crate) fn spring_j(&self, theta: f64) -> f64 {
         let magnets = self.cogging / COGGING_PER_TURN * (1.0 - libm::cos(COGGING_PER_TURN * theta));
         let joint = self.behind(theta);
         let gear = 0.5 * self.compliance * joint.torque * joint.torque;
@@ -320,7 +320,7 @@ impl Joint {
 
     /// Kinetic energy, J.
     #[must_use]
-    pub fn kinetic_j(&self, shaft: &Shaft) -> f64 {
+    pub(crate) fn kinetic_j(&self, shaft: &Shaft) -> f64 {
         0.5 * self.j * shaft.omega * shaft.omega
     }
 

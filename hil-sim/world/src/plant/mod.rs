@@ -264,7 +264,7 @@ impl Plant {
 
     /// What that finger feels, N·m at the motor, and the energy that it stores, J.
     #[must_use]
-    pub fn on_finger(&self) -> (f64, f64) {
+    pub(crate) fn on_finger(&self) -> (f64, f64) {
         self.joint.on_finger(&self.state.shaft)
     }
 
@@ -284,7 +284,7 @@ impl Plant {
 
     /// The longest step from now to at most `until_us`.
     #[must_use]
-    pub fn step_to(&self, until_us: u64) -> u64 {
+    pub(crate) fn step_to(&self, until_us: u64) -> u64 {
         let t = self.state.t_us;
         let mut to = until_us.min(t + self.max_step_us);
         if self.model == Model::Switched {

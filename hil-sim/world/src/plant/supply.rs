@@ -19,7 +19,7 @@ pub const LIMIT_A: f64 = 30.0;
 pub const BOARD_F: f64 = 2.2e-3;
 
 /// Current of a board's electronics, A; chosen: processor, transceiver, three hall sensors and gate drivers.
-pub const ELECTRONICS_A: f64 = 0.04;
+pub(crate) const ELECTRONICS_A: f64 = 0.04;
 
 /// Longest interval between two exchanges while the voltage moves, µs: the full load of seven motors changes it by 0.4 V.
 const INTERVAL_US: u64 = 100;
@@ -122,7 +122,7 @@ impl Supply {
     }
 
     /// Starts at another time than 0.
-    pub const fn start_at(&mut self, us: u64) {
+    pub(crate) const fn start_at(&mut self, us: u64) {
         (self.at_us, self.next_us) = (us, us);
     }
 

@@ -88,7 +88,7 @@ impl Halls {
     }
 
     /// Breaks the wires of lines 0 to 2, each at a level, from the next [`Self::update`] on; `None`: the line follows its sensor again.
-    pub fn break_lines(&mut self, levels: [Option<bool>; 3]) {
+    pub(crate) fn break_lines(&mut self, levels: [Option<bool>; 3]) {
         self.broken = levels;
         self.is_settled = false;
     }
