@@ -12,6 +12,7 @@ mod metal;
 mod modules;
 mod motion_only;
 mod tokens;
+mod used;
 mod world;
 
 use std::fmt;

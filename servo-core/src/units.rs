@@ -115,12 +115,6 @@ impl Torque {
         Self(self.0.max(limit.0.saturating_neg()).min(limit.0))
     }
 
-    /// As a fixed-point number of torque units, for the arithmetic inside a control law.
-    #[must_use]
-    pub const fn to_fixed(self) -> I16F16 {
-        I16F16::from_bits((self.0 as i32) << 16)
-    }
-
     /// Rounded from a control law's result, which is below 32,767.5.
     #[must_use]
     pub const fn from_fixed(units: I16F16) -> Self {

@@ -7,7 +7,7 @@
 
 mod contact;
 mod ending;
-pub mod excuse;
+pub(crate) mod excuse;
 mod joint;
 mod keeping;
 mod meaning;

@@ -57,7 +57,7 @@ pub fn seen(event: BoardEvent) -> Seen {
 }
 
 /// What the world knows of a board.
-pub fn ground(node: &Node) -> Ground {
+pub(crate) fn ground(node: &Node) -> Ground {
     let flash = node.board().sim_flash();
     Ground {
         starts: node.starts(),

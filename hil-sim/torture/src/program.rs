@@ -56,7 +56,7 @@ impl Act {
 
     /// Whether it is a motion that presses.
     #[must_use]
-    pub fn heats(&self) -> bool {
+    pub(crate) fn heats(&self) -> bool {
         matches!(self, Self::Line { text, .. } if HEATING.contains(&text.as_str()))
     }
 }

@@ -123,7 +123,12 @@ mod tests {
     use proptest::prelude::*;
 
     const LIMIT: Torque = Torque(750);
-    const RANGE: (Law, Law) = (Torque(-750).to_fixed(), LIMIT.to_fixed());
+    const RANGE: (Law, Law) = (fixed(Torque(-750)), fixed(LIMIT));
+
+    /// As the arithmetic of the law has it.
+    const fn fixed(torque: Torque) -> Law {
+        Law::from_bits((torque.0 as i32) << 16)
+    }
 
     fn law(kp: u16, ki: u16, kd: u16) -> Pid {
         PidConfig { kp, ki, kd }.build()
@@ -233,7 +238,7 @@ mod tests {
             let law = law(gains.0 >> 1, gains.1 >> 1, gains.2 >> 1);
             let mut state = PidState::default();
             let (low, high) = (Torque(low), Torque(low + room));
-            let range = (low.to_fixed(), high.to_fixed());
+            let range = (fixed(low), fixed(high));
             for (stage, position, velocity, emf, feed) in errors {
                 let [position, velocity, emf] = [position, velocity, emf].map(Law::from_bits);
                 let errors = Errors { stage, position, velocity, emf, feed: Law::from_num(feed) };
@@ -268,14 +273,14 @@ mod tests {
             let delta = Law::DELTA * sign;
             assert!(direct.abs() > increment.abs() && increment != Law::ZERO);
             for (beyond, moves) in [(-delta, true), (Law::ZERO, true), (delta, false)] {
-                let from = end.to_fixed() - direct + beyond;
+                let from = fixed(end) - direct + beyond;
                 let mut state = PidState { integral: from };
                 assert_eq!(pid.step(&mut state, &whole(sign, 0), RANGE), end);
                 assert_eq!(state.integral, if moves { from + increment } else { from }, "{sign} {beyond}");
             }
-            let mut state = PidState { integral: end.to_fixed() };
+            let mut state = PidState { integral: fixed(end) };
             let _ = pid.step(&mut state, &whole(-sign, sign * 200), RANGE);
-            assert_eq!(state.integral, end.to_fixed() - increment, "back");
+            assert_eq!(state.integral, fixed(end) - increment, "back");
         }
     }
 }

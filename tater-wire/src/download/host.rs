@@ -209,12 +209,6 @@ impl<'a> Downloader<'a> {
         (self.sent, self.len)
     }
 
-    /// Whether the file has been sent and the board works on its own: ^C no longer changes anything.
-    #[must_use]
-    pub const fn is_sent(&self) -> bool {
-        matches!(self.phase, Phase::Wake | Phase::End(Ok(())))
-    }
-
     /// The action at `now_us`: call it after every frame, and when the wait is over.
     pub fn next(&mut self, now_us: u64) -> Next {
         if now_us >= self.deadline_us {

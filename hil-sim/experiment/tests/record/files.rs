@@ -18,7 +18,7 @@ fn said<T: std::fmt::Debug>(record: &mut Record, of: &str, result: Result<T, Bad
 
 const GRASPS: [&str; 21] = [
     "",
-    "[hand]\nspread_axis_mm = 26\nbase_mm = 51\nlink_mm = 71\ntip_mm = 49\npalm_mm = 77\npad_mm = 9\nlink_at_zero_deg = 1\ntip_at_zero_deg = 44\nfinger_radius_mm = 8",
+    "[hand]\nspread_axis_mm = 26\nbase_mm = 51\nlink_mm = 71\ntip_mm = 49\npalm_mm = 77\npad_mm = 9\nlink_at_zero_deg = 1\ntip_at_zero_deg = 44\nfinger_radius_mm = 7",
     "[hand]\nspread_axis_mm = -1",
     "[hand]\nbase_mm = 1001",
     "[hand]\nlink_mm = 0.5",

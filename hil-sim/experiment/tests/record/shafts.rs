@@ -3,6 +3,7 @@
 use crate::Record;
 use hil_experiment::recorded::RecordedShaft;
 use hil_experiment::replay::{estimate, readings, samples};
+use servo_core::units::Counts;
 
 const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 
@@ -42,6 +43,16 @@ fn estimates() -> Record {
     let at =
         readings(&codes(2.0, 18, 0.1, swinging), RATE_HZ, RecordedShaft::<18>::new(4), RecordedShaft::at);
     note(&mut record, "the rotor's", &at);
+    let counted = |shaft: &mut RecordedShaft<18>, now| {
+        let lap = shaft.lap().map_or(0, i32::from);
+        let (_, velocity) = shaft.at(now);
+        (Counts::from_int(shaft.count() + 1000 * lap), velocity)
+    };
+    note(
+        &mut record,
+        "its count and lap",
+        &readings(&codes(2.0, 18, 0.1, speeding), RATE_HZ, RecordedShaft::new(4), counted),
+    );
     let mut bouncing = codes(1.0, 18, 0.0, speeding);
     for at in (500..bouncing.len()).step_by(997) {
         bouncing[at] = bouncing[at - 40];

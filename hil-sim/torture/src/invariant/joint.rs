@@ -16,7 +16,7 @@ pub(crate) const AFTERMATH_MS: u64 = 1_000;
 
 /// Ticks over which a limit may have been higher: the thermistor is read every 16 ticks, a tick that plans a move still applies the
 /// torque of the tick before.
-pub const MEMORY: usize = 40;
+pub(crate) const MEMORY: usize = 40;
 
 /// Power of a source that seven motors at the torque that is free cannot exhaust, W: they take 370 W, 520 W if each had the least resistance
 /// (decision 0053). And the current that it needs however high its voltage is, A: motors that have pulled it down to 20 V draw that much there.

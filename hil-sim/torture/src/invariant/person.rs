@@ -33,7 +33,7 @@ pub const FAST: Most = Most { newton: 450.0, newton_seconds: 225.0 };
 /// The nominal motor's speed without load at 24 V (decision 0003), counts/s.
 const FULL_COUNTS_PER_S: f64 = 1056.0;
 
-pub fn energy(joint: &mut Joint, view: &View) -> Option<String> {
+pub(crate) fn energy(joint: &mut Joint, view: &View) -> Option<String> {
     let truth = view.truth;
     let permitted =
         limit(joint, view).map(|units| (ABOVE * units / UNITS).mul_add(strength(&joint.plant), RIPPLE_N_M));

@@ -64,7 +64,7 @@ impl Mechanic {
     }
 
     /// Errors of the boundaries by the sector below, counts; their mean is 0.
-    pub fn placement(&self) -> [f64; 6] {
+    pub(crate) fn placement(&self) -> [f64; 6] {
         let x = &self.solution.x;
         let last = -x[4..SIZE].iter().sum::<f64>();
         [x[4], x[5], x[6], x[7], x[8], last]

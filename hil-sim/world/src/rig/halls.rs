@@ -64,7 +64,7 @@ impl Halls {
 
     /// The same rotor's sensors with other parameters, settled at a position.
     #[must_use]
-    pub fn anew(&self, params: RigParams, counts: f64) -> Self {
+    pub(crate) fn anew(&self, params: RigParams, counts: f64) -> Self {
         Self { rng: self.rng.clone(), ..Self::new(params, self.zero_sector, counts, 0) }
     }
 

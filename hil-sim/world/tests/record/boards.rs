@@ -1,6 +1,7 @@
 //! Boards on a bus: waking, finding their stops, moving, and every fault that bus, board and flash can have.
 
 use crate::Record;
+use flate2::Crc;
 use hil_world::board::SimBoard;
 
 use hil_world::bus::{Adapter, Bus, Noise};
@@ -68,6 +69,8 @@ fn of_node(node: &Node) -> String {
     let board = node.board();
     let flash = board.sim_flash();
     let sample = node.sample();
+    let mut stored = Crc::new();
+    stored.update(flash.bytes());
     let estimates = sample.map(|sample| (sample.estimated_counts(), sample.setpoint_counts()));
     format!(
         "{sample:?} {estimates:?} {:?}",
@@ -75,7 +78,7 @@ fn of_node(node: &Node) -> String {
             (board.rig().truth(), board.bridge_now(), board.driven_since_us(), board.is_brake_released()),
             (board.resets(), board.feeds(), board.tick_feeds(), board.mailboxes()),
             (flash.operations(), flash.is_dead(), flash.is_busy(), flash.was_damaged(), flash.erases()),
-            (flash.erased_while_driven(), flash.page_in_use()),
+            (flash.erased_while_driven(), flash.page_in_use(), stored.sum()),
             (node.starts(), node.is_on(), node.watchdog_resets(), node.heard_us(), node.stamp()),
         )
     )

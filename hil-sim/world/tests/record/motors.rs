@@ -188,7 +188,9 @@ fn broken(model: Model) -> Record {
             RigParams { rise_delay_us: 900, hall_jitter_deg: 1.0, hall_hysteresis_deg: 9.0, ..free },
         ),
     ] {
-        part(what, &mut rig(MotorKind::Tip, model, sensors, &[]));
+        let turned = &mut rig(MotorKind::Tip, model, sensors, &[]);
+        turned.set_shaft_torque(0.2);
+        part(what, turned);
     }
     record
 }
@@ -240,6 +242,13 @@ fn figures() -> Record {
             let shown = format!("{kind:?}: {computed:.5?}, lever {:.4} m", person::lever_m(kind));
             record.note(shown, &(&plant, computed, plant.scattered(9, 0.5)));
         }
+    }
+    for (field, plant) in [
+        ("ke_v_s", PlantParams { ke_v_s: 0.0, ..PlantParams::ideal(MotorKind::Tip) }),
+        ("static_n_m", PlantParams { static_n_m: 0.0, ..PlantParams::for_motor(MotorKind::Tip) }),
+    ] {
+        let error = plant.validate().expect_err(field);
+        record.note(format!("{field}: {error}"), &error);
     }
     record
 }
