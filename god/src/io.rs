@@ -565,9 +565,10 @@ impl Io {
     }
 }
 
-/// Runs `work` to its end, or until ^C: then the work is dropped where it was, and this returns `None`.
-pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) -> Option<T> {
-    let mut work = core::pin::pin!(work);
+// The futures below are pinned by the caller: one that is given by value and pinned here would be stored twice, as the argument and as what is polled.
+
+/// Runs `work` to its end, or until ^C: then the work goes no further, and this returns `None`.
+pub(crate) async fn unless_aborted<T>(io: &Io, mut work: Pin<&mut impl Future<Output = T>>) -> Option<T> {
     poll_fn(|context| {
         if io.is_aborted() {
             return Poll::Ready(None);
@@ -579,8 +580,10 @@ pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) ->
     .await
 }
 
-pub(crate) async fn join<A, B>(one: impl Future<Output = A>, other: impl Future<Output = B>) -> (A, B) {
-    let (mut one, mut other) = (core::pin::pin!(one), core::pin::pin!(other));
+pub(crate) async fn join<A, B>(
+    mut one: Pin<&mut impl Future<Output = A>>,
+    mut other: Pin<&mut impl Future<Output = B>>,
+) -> (A, B) {
     let (mut first, mut second) = (None, None);
     poll_fn(|context| {
         if first.is_none()
@@ -606,11 +609,9 @@ pub(crate) async fn join<A, B>(one: impl Future<Output = A>, other: impl Future<
 
 /// Runs `work` to its end, and `background` as long as that takes: polled after the work, which may just have given it something to do.
 pub(crate) async fn with_background<T>(
-    background: impl Future<Output = Infallible>,
-    work: impl Future<Output = T>,
+    mut background: Pin<&mut impl Future<Output = Infallible>>,
+    mut work: Pin<&mut impl Future<Output = T>>,
 ) -> T {
-    let mut background = core::pin::pin!(background);
-    let mut work = core::pin::pin!(work);
     poll_fn(|context| {
         let work = work.as_mut().poll(context);
         if work.is_pending() {
@@ -833,7 +834,10 @@ mod tests {
         assert_eq!(run(&io, io.wait_until::<()>(7500, || None)), Some((None, 7000)));
         assert_eq!(run(&io, io.wait_until(0, || Some(5))), Some((Some(5), 0)), "ready wins");
         let io = Io::default();
-        let mut god = pin!(join(io.sleep_until(30), join(io.sleep_until(20), io.sleep_until(40))));
+        let [one, two, three] = [30, 20, 40].map(|at_us| io.sleep_until(at_us));
+        let (one, two, three) = (pin!(one), pin!(two), pin!(three));
+        let others = pin!(join(two, three));
+        let mut god = pin!(join(one, others));
         for (now_us, next_us) in [(10, 20), (20, 30), (29, 30), (30, 40), (39, 40), (40, NEVER)] {
             assert_eq!(poll(god.as_mut(), &io, now_us), next_us, "{now_us}");
             if now_us == 40 {
@@ -972,19 +976,19 @@ mod tests {
     #[test]
     fn abort_drops_work_even_by_itself_unless_it_is_done() {
         let io = Io::default();
-        assert_eq!(run(&io, unless_aborted(&io, async { 5 })), Some((Some(5), 0)));
+        assert_eq!(run(&io, unless_aborted(&io, pin!(async { 5 }))), Some((Some(5), 0)));
         let aborting = async {
             io.abort();
             5
         };
-        assert_eq!(run(&io, unless_aborted(&io, aborting)), Some((Some(5), 0)), "done");
-        assert_eq!(run(&io, unless_aborted(&io, async { 5 })), Some((None, 0)), "aborted before");
+        assert_eq!(run(&io, unless_aborted(&io, pin!(aborting))), Some((Some(5), 0)), "done");
+        assert_eq!(run(&io, unless_aborted(&io, pin!(async { 5 }))), Some((None, 0)), "aborted before");
         io.take_abort();
         let waiting = async {
             io.abort();
             io.sleep_until(NEVER).await;
         };
-        assert_eq!(run(&io, unless_aborted(&io, waiting)), Some((None, 0)));
+        assert_eq!(run(&io, unless_aborted(&io, pin!(waiting))), Some((None, 0)));
     }
 
     #[test]
@@ -996,9 +1000,9 @@ mod tests {
                 io.sleep_until(io.after_us(2000)).await;
             }
         };
-        assert_eq!(run(&io, with_background(background, io.sleep_until(5000))), Some(((), 5000)));
+        assert_eq!(run(&io, with_background(pin!(background), pin!(io.sleep_until(5000)))), Some(((), 5000)));
         assert_eq!(count.get(), 3, "at 0, 2 and 4 ms");
-        assert_eq!(run(&io, join(async { 1 }, io.sleep_until(9000))), Some(((1, ()), 4000)));
-        assert_eq!(run(&io, join(io.sleep_until(19_000), async { 2 })), Some((((), 2), 10_000)));
+        assert_eq!(run(&io, join(pin!(async { 1 }), pin!(io.sleep_until(9000)))), Some(((1, ()), 4000)));
+        assert_eq!(run(&io, join(pin!(io.sleep_until(19_000)), pin!(async { 2 }))), Some((((), 2), 10_000)));
     }
 }

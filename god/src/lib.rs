@@ -85,3 +85,12 @@ pub use memory::Memory;
 pub use motors::Motors;
 pub use shell::run;
 pub use status::Status;
+
+// What `run` keeps in RAM on a board: 7 KiB at most.
+#[cfg(target_pointer_width = "32")]
+const _: () = {
+    const fn future_bytes<'a, T: core::future::Future>(_: &impl Fn(&'a Io, &'a Memory) -> T) -> usize {
+        size_of::<T>()
+    }
+    assert!(future_bytes(&run) <= 7 * 1024, "GOD's future is too large for its board");
+};

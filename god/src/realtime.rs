@@ -16,6 +16,7 @@ mod blocks;
 mod follow;
 
 use core::cell::Cell;
+use core::pin::pin;
 
 use tater_wire::fault::FaultCode;
 use tater_wire::{EndCode, ModeCode, Property};
@@ -196,7 +197,7 @@ impl<'a, 'b> Loop<'a, 'b> {
             match header {
                 // The data arrive while the feedback leaves.
                 b'C' => {
-                    let (_, control) = join(self.write_feedback(), self.read_control()).await;
+                    let (_, control) = join(pin!(self.write_feedback()), pin!(self.read_control())).await;
                     if control.is_none() && self.is_aborted() {
                         return End::Host;
                     }

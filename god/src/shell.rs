@@ -5,6 +5,7 @@
 //! properties restored. With a dead bus that takes 0.5 s at most. After it the host is at a prompt.
 
 use core::convert::Infallible;
+use core::pin::pin;
 
 use tater_wire::Property;
 
@@ -30,13 +31,13 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
     loop {
         let god = God::new(io, memory);
         io.record(EventKind::Started);
-        with_background(settings::hand::maintain_statistics(&god), async {
+        let life = pin!(async {
             io.set_baud(god.memory.parameters().hand.baud);
             god.banner().await;
             god.prompt().await;
-            with_background(order::send_keepalives(&god), serve(&god)).await;
-        })
-        .await;
+            with_background(pin!(order::send_keepalives(&god)), pin!(serve(&god))).await;
+        });
+        with_background(pin!(settings::hand::maintain_statistics(&god)), life).await;
         settings::hand::update_statistics(&god);
     }
 }
@@ -80,14 +81,18 @@ async fn serve(god: &God<'_>) {
 }
 
 async fn run_line(god: &God<'_>, line: &str) -> Outcome {
-    let committed = async {
-        packets::settle(god).await;
-        match run_commands(god, line).await {
-            Outcome::Done(status) => Outcome::Done(status | god.memory.commit(god.io).await),
-            Outcome::Reset => Outcome::Reset,
-        }
+    let outcome = {
+        let committed = pin!(async {
+            packets::settle(god).await;
+            match run_commands(god, line).await {
+                Outcome::Done(status) => Outcome::Done(status | god.memory.commit(god.io).await),
+                Outcome::Reset => Outcome::Reset,
+            }
+        });
+        // What ^C breaks off is dropped here.
+        unless_aborted(god.io, committed).await
     };
-    if let Some(outcome) = unless_aborted(god.io, committed).await {
+    if let Some(outcome) = outcome {
         return outcome;
     }
     god.io.take_abort();
