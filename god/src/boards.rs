@@ -5,13 +5,14 @@
 //! **Two boards with one number** both obey its orders and answer its questions (decision 0078). The first answer counts. A second one with another
 //! value makes the number suspect, and the serial numbers of its boards decide: [`Boards::find_doubled`].
 
-use core::cell::{Cell, RefCell};
+use core::cell::Cell;
 
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Property};
 
 use crate::events::EventKind;
 use crate::io::Io;
 use crate::motors::{COUNT, Motor, Motors};
+use crate::shared::Shared;
 use crate::status::Status;
 
 /// Time limit of an answer, µs: it takes half a millisecond, and 40 ms while the board erases a page (docs/wire.md). What the owner's way to the
@@ -171,7 +172,7 @@ struct Board {
 #[derive(Debug)]
 pub struct Boards<'a> {
     io: &'a Io,
-    boards: RefCell<[Board; COUNT]>,
+    boards: Shared<[Board; COUNT]>,
     asked_us: Cell<u64>,
     /// Motors whose number may have two boards: see [`Self::find_doubled`].
     suspects: Cell<Motors>,
@@ -184,7 +185,7 @@ impl<'a> Boards<'a> {
     /// The boards of a bus.
     #[must_use]
     pub fn new(io: &'a Io) -> Self {
-        Self { io, boards: RefCell::default(), asked_us: Cell::new(0), suspects: Cell::new(Motors::NONE) }
+        Self { io, boards: Shared::default(), asked_us: Cell::new(0), suspects: Cell::new(Motors::NONE) }
     }
 
     /// Asks for a property and waits. Boards that do not answer in time have no value. Of MODE and END a board may send two values meanwhile,
@@ -269,9 +270,7 @@ impl<'a> Boards<'a> {
     fn expect_no_other(&self, motor: Motor, answer: Option<(Property, i64)>) {
         // A report of MODE and END may follow the answer.
         let answer = answer.filter(|(property, _)| !matches!(property, Property::MODE | Property::END));
-        if let Some(board) = self.boards.borrow_mut().get_mut(motor.index()) {
-            board.answered = answer;
-        }
+        self.with(motor, |board| board.answered = answer);
     }
 
     /// As [`Self::ask`], for what is read as the latest answer. A board that still owes an answer is not asked again: on a loaded bus the answers of those with
@@ -291,22 +290,30 @@ impl<'a> Boards<'a> {
     /// Marks the question as asked, unless it has been for less than [`Self::answer_us`].
     fn is_to_be_asked(&self, motor: Motor, property: Property) -> bool {
         let now_us = self.io.now_us();
-        let mut boards = self.boards.borrow_mut();
-        let board = boards.get_mut(motor.index());
-        let Some(asked_us) = board.and_then(|board| board.asked_us.get_mut(property)) else { return true };
-        let is_owed = asked_us.is_some_and(|asked_us| now_us < asked_us.saturating_add(self.answer_us()));
-        if !is_owed {
-            *asked_us = Some(now_us);
-        }
+        let is_owed = self.with(motor, |board| {
+            let Some(asked_us) = board.asked_us.get_mut(property) else { return false };
+            let is_owed = asked_us.is_some_and(|asked_us| now_us < asked_us.saturating_add(self.answer_us()));
+            if !is_owed {
+                *asked_us = Some(now_us);
+            }
+            is_owed
+        });
         !is_owed
+    }
+
+    /// What `act` makes of a motor's board.
+    fn with<R: Default>(&self, motor: Motor, act: impl FnOnce(&mut Board) -> R) -> R {
+        self.boards.with(|boards| boards.get_mut(motor.index()).map_or_else(R::default, act))
     }
 
     /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.
     pub async fn ask_ahead(&self, motors: Motors, wanted: Ahead<bool>) {
         self.drain();
-        for board in self.boards.borrow_mut().iter_mut() {
-            (board.ahead, board.answered) = (Ahead::default(), None);
-        }
+        self.boards.with(|boards| {
+            for board in boards {
+                (board.ahead, board.answered) = (Ahead::default(), None);
+            }
+        });
         self.asked_us.set(self.io.now_us());
         if motors == Motors::ALL {
             for property in wanted.properties() {
@@ -327,8 +334,7 @@ impl<'a> Boards<'a> {
         let mut deadline = self.asked_us.get().saturating_add(self.answer_us());
         for is_first in [true, false] {
             loop {
-                let found =
-                    self.boards.borrow().get(motor.index()).and_then(|board| board.ahead.complete(wanted));
+                let found = self.with(motor, |board| board.ahead.complete(wanted));
                 if found.is_some() {
                     return found;
                 }
@@ -414,18 +420,17 @@ impl<'a> Boards<'a> {
     /// Returns MODE and END as a motor's board stated them since the last call.
     pub fn take_reported(&self, motor: Motor) -> Reported {
         self.drain();
-        let mut boards = self.boards.borrow_mut();
-        boards.get_mut(motor.index()).map(|board| core::mem::take(&mut board.reported)).unwrap_or_default()
+        self.with(motor, |board| core::mem::take(&mut board.reported))
     }
 
     /// The last answers for what [`Self::ask_ahead`] asks for, however old.
     pub(crate) fn latest(&self, motor: Motor) -> Ahead<Option<i64>> {
         self.drain();
-        self.boards.borrow().get(motor.index()).map(|board| board.latest).unwrap_or_default()
+        self.with(motor, |board| board.latest)
     }
 
     pub(crate) fn received_us(&self, motor: Motor) -> u64 {
-        self.boards.borrow().get(motor.index()).map_or(0, |board| board.received_us)
+        self.with(motor, |board| board.received_us)
     }
 
     /// Waits for a frame until a deadline, and notes what it reports.
@@ -457,40 +462,40 @@ impl<'a> Boards<'a> {
     pub(crate) fn note(&self, frame: &Frame) {
         let Some((motor, property, value)) = parse_report(frame) else { return };
         self.log_answer(motor, property, value);
-        let mut boards = self.boards.borrow_mut();
-        let Some(board) = boards.get_mut(motor.index()) else { return };
-        if board.answered.is_some_and(|(of, answer)| of == property && answer != value) {
-            self.suspects.set(self.suspects.get().union(Motors::only(motor)));
-        }
-        if let Some(ahead) = board.ahead.get_mut(property) {
-            *ahead = Some(value);
-        }
-        if let Some(latest) = board.latest.get_mut(property) {
-            *latest = Some(value);
-        }
-        if let Some(asked_us) = board.asked_us.get_mut(property) {
-            *asked_us = None;
-        }
-        match property {
-            Property::MODE => board.reported.mode = Some(value),
-            Property::END => board.reported.end = Some(value),
-            _ => {}
-        }
+        self.with(motor, |board| {
+            if board.answered.is_some_and(|(of, answer)| of == property && answer != value) {
+                self.suspects.set(self.suspects.get().union(Motors::only(motor)));
+            }
+            if let Some(ahead) = board.ahead.get_mut(property) {
+                *ahead = Some(value);
+            }
+            if let Some(latest) = board.latest.get_mut(property) {
+                *latest = Some(value);
+            }
+            if let Some(asked_us) = board.asked_us.get_mut(property) {
+                *asked_us = None;
+            }
+            match property {
+                Property::MODE => board.reported.mode = Some(value),
+                Property::END => board.reported.end = Some(value),
+                _ => {}
+            }
+        });
     }
 
     fn log_answer(&self, motor: Motor, property: Property, value: i64) {
-        let mut boards = self.boards.borrow_mut();
-        let Some(board) = boards.get_mut(motor.index()) else { return };
-        board.received_us = self.io.now_us();
-        match property {
-            Property::ERROR if value != 0 => self.io.record(EventKind::Fault { motor, code: value }),
-            Property::END if value != 0 => self.io.record(EventKind::Ended { motor, end: value }),
-            Property::MODE if board.logged_mode != Some(value) => {
-                board.logged_mode = Some(value);
-                self.io.record(EventKind::Mode { motor, mode: value });
+        self.with(motor, |board| {
+            board.received_us = self.io.now_us();
+            match property {
+                Property::ERROR if value != 0 => self.io.record(EventKind::Fault { motor, code: value }),
+                Property::END if value != 0 => self.io.record(EventKind::Ended { motor, end: value }),
+                Property::MODE if board.logged_mode != Some(value) => {
+                    board.logged_mode = Some(value);
+                    self.io.record(EventKind::Mode { motor, mode: value });
+                }
+                _ => {}
             }
-            _ => {}
-        }
+        });
     }
 }
 

@@ -3,7 +3,7 @@
 //! A ring of fixed size; the newest event replaces the oldest. Recording copies a few words and formats nothing. RealTime's velocities and
 //! gains are not recorded: at 250 blocks a second they would push everything else out within 20 ms.
 
-use core::cell::RefCell;
+use crate::shared::Shared;
 
 use heapless::HistoryBuf;
 use tater_wire::Property;
@@ -93,17 +93,17 @@ pub enum EventKind {
 /// The ring.
 #[derive(Debug, Default)]
 pub struct EventLog {
-    ring: RefCell<HistoryBuf<Event, CAPACITY>>,
+    ring: Shared<HistoryBuf<Event, CAPACITY>>,
 }
 
 impl EventLog {
     pub(crate) fn record(&self, at_us: u64, kind: EventKind) {
-        self.ring.borrow_mut().write(Event { at_us, kind });
+        self.ring.with(|ring| ring.write(Event { at_us, kind }));
     }
 
     /// Calls `visit` for each event, oldest first.
     pub fn for_each(&self, visit: impl FnMut(&Event)) {
-        self.ring.borrow().oldest_ordered().for_each(visit);
+        self.ring.with(|ring| ring.oldest_ordered().for_each(visit));
     }
 }
 
@@ -119,14 +119,14 @@ impl core::fmt::Display for EventKind {
         match *self {
             Self::Started => f.write_str("GOD started"),
             Self::Sent { motor, property, value } => {
-                write!(f, "motor {}: SET {} {value}", motor.number(), property.row().name)
+                write!(f, "motor {}: SET {} {value}", motor.number(), property.name())
             }
             Self::Refused { motor } => write!(f, "motor {}: no motion (END is 0)", motor.number()),
             Self::Fault { motor, code } => write!(f, "motor {}: ERROR {code}", motor.number()),
             Self::Mode { motor, mode } => write!(f, "motor {}: MODE {mode}", motor.number()),
             Self::Ended { motor, end } => write!(f, "motor {}: END {end}", motor.number()),
             Self::NoAnswer { motor, property } => {
-                write!(f, "motor {}: no answer to GET {}", motor.number(), property.row().name)
+                write!(f, "motor {}: no answer to GET {}", motor.number(), property.name())
             }
             Self::Doubled { motor } => write!(f, "motor {}: two boards have its number", motor.number()),
             Self::BusDown => f.write_str("bus down: it takes no frames"),

@@ -3,7 +3,7 @@
 //! The owner pushes received bytes and frames, polls the future once ([`poll`]) and pops what GOD sends. Every queue is bounded, and so is
 //! every wait for the bus: a send gives up after [`SEND_US`]. Output to a host that does not read waits until ^C or a hang-up.
 
-use core::cell::{Cell, RefCell};
+use core::cell::Cell;
 use core::convert::Infallible;
 use core::fmt::{self, Write};
 use core::future::{Future, poll_fn};
@@ -16,6 +16,7 @@ use tater_wire::{Destination, Frame, Node};
 
 use crate::events::{EventKind, EventLog};
 use crate::framing::{self, Framing, Kind};
+use crate::shared::Shared;
 
 /// ^C: aborts the running command.
 pub const ABORT: u8 = framing::ABORT;
@@ -81,15 +82,15 @@ pub struct Io {
     now_us: Cell<u64>,
     /// The earliest deadline that something waits for.
     next_us: Cell<u64>,
-    rx: RefCell<Deque<Rx, RX>>,
+    rx: Shared<Deque<Rx, RX>>,
     framing: Cell<Framing>,
     /// Bytes came since the last poll.
     received: Cell<bool>,
     /// Time of the poll after the last byte.
     received_us: Cell<u64>,
-    tx: RefCell<Deque<u8, TX>>,
-    rx_frames: RefCell<Deque<Frame, FRAMES>>,
-    tx_frames: RefCell<Deque<Queued, FRAMES>>,
+    tx: Shared<Deque<u8, TX>>,
+    rx_frames: Shared<Deque<Frame, FRAMES>>,
+    tx_frames: Shared<Deque<Queued, FRAMES>>,
     cancel: Cell<bool>,
     /// The bus took no frames, and nothing came in since.
     is_bus_down: Cell<bool>,
@@ -153,12 +154,12 @@ impl Io {
 
     /// ^C among bytes that are discarded: they go on, and so does their end.
     fn stop_discarding(&self) {
-        self.rx.borrow_mut().clear();
+        self.rx.with(Deque::clear);
         self.abort();
     }
 
     fn queue_rx(&self, rx: Rx) {
-        if self.rx.borrow_mut().push_back(rx).is_err() {
+        if self.rx.with(|waiting| waiting.push_back(rx).is_err()) {
             self.lost_bytes.set(self.lost_bytes.get().saturating_add(1));
             if let Rx::Head(_) | Rx::Data(_) = rx {
                 let mut framing = self.framing.get();
@@ -180,7 +181,7 @@ impl Io {
 
     /// ^C, ahead of all bytes that wait: those are void.
     pub fn interrupt(&self) {
-        self.rx.borrow_mut().clear();
+        self.rx.with(Deque::clear);
         self.framing.set(Framing::default());
         self.abort();
     }
@@ -189,7 +190,7 @@ impl Io {
     #[must_use]
     pub fn rx_room(&self) -> usize {
         let is_discarding = !self.raw.get() && self.framing.get().is_discarding();
-        if is_discarding { RX } else { RX.saturating_sub(self.rx.borrow().len()) }
+        if is_discarding { RX } else { RX.saturating_sub(self.rx.with(|waiting| waiting.len())) }
     }
 
     /// Takes a frame from the bus. One that is not for a host only shows that the bus is up: another host's download must not take the
@@ -202,19 +203,19 @@ impl Io {
             Destination::Node(node) => node == Node::HOST,
             Destination::Group(group) => !group.is_for_boards(),
         };
-        if is_for_host && self.rx_frames.borrow_mut().push_back(*frame).is_err() {
+        if is_for_host && self.rx_frames.with(|frames| frames.push_back(*frame).is_err()) {
             self.lost_frames.set(self.lost_frames.get().saturating_add(1));
         }
     }
 
     /// Returns the next byte for the host.
     pub fn pop_tx(&self) -> Option<u8> {
-        self.tx.borrow_mut().pop_front()
+        self.tx.with(Deque::pop_front)
     }
 
     /// Returns the next frame for the bus.
     pub fn pop_frame(&self) -> Option<Frame> {
-        self.tx_frames.borrow_mut().pop_front().map(|queued| queued.frame)
+        self.tx_frames.with(Deque::pop_front).map(|queued| queued.frame)
     }
 
     /// Returns `true` once after GOD dropped its queued frames. The owner then withdraws those that it took and the bus has not sent yet
@@ -236,7 +237,7 @@ impl Io {
 
     /// The host disconnected, and a new one may come: drops what is unread in both directions and aborts the running command.
     pub fn hang_up(&self) {
-        self.tx.borrow_mut().clear();
+        self.tx.with(Deque::clear);
         self.hung_up.set(true);
         self.interrupt();
     }
@@ -256,7 +257,7 @@ impl Io {
     /// Whether GOD has read everything that arrived, and everything that it sent has been taken.
     #[must_use]
     pub fn is_drained(&self) -> bool {
-        !self.has_input() && self.tx.borrow().is_empty()
+        !self.has_input() && self.tx.with(|text| text.is_empty())
     }
 
     /// Whether GOD waits for a line, having answered all that it has read.
@@ -362,7 +363,7 @@ impl Io {
     }
 
     pub(crate) fn try_read_rx(&self) -> Option<Rx> {
-        self.rx.borrow_mut().pop_front()
+        self.rx.with(Deque::pop_front)
     }
 
     /// Ends a packet whose rest has not come for [`framing::SILENCE_US`]. While GOD has no room, its owner cannot pass on what has come.
@@ -391,7 +392,7 @@ impl Io {
 
     /// Whether a byte or ^C from the host is pending.
     pub(crate) fn has_input(&self) -> bool {
-        self.is_aborted() || !self.rx.borrow().is_empty()
+        self.is_aborted() || !self.rx.with(|waiting| waiting.is_empty())
     }
 
     /// GOD waits for a line: the end of a condition of [`Io::wait_until`] that found nothing.
@@ -420,7 +421,7 @@ impl Io {
     }
 
     pub(crate) fn try_receive(&self) -> Option<Frame> {
-        self.rx_frames.borrow_mut().pop_front()
+        self.rx_frames.with(Deque::pop_front)
     }
 
     /// Queues a frame for the bus, as soon as there is room.
@@ -446,7 +447,7 @@ impl Io {
 
     /// Drops all frames that are not on the bus yet: they are stale, or void after ^C.
     pub(crate) fn drop_frames(&self) {
-        self.tx_frames.borrow_mut().clear();
+        self.tx_frames.with(Deque::clear);
         self.cancel.set(true);
     }
 
@@ -468,7 +469,7 @@ impl Io {
     }
 
     fn oldest_us(&self) -> Option<u64> {
-        self.tx_frames.borrow().front().map(|queued| queued.since_us)
+        self.tx_frames.with(|frames| frames.front().map(|queued| queued.since_us))
     }
 
     fn is_stuck(&self) -> bool {
@@ -477,7 +478,7 @@ impl Io {
 
     fn try_queue(&self, frame: Frame) -> bool {
         let queued = Queued { frame, since_us: self.now_us() };
-        self.tx_frames.borrow_mut().push_back(queued).is_ok()
+        self.tx_frames.with(|frames| frames.push_back(queued).is_ok())
     }
 
     /// Writes bytes to the host once there is room for all of them; more than [`TEXT`] piece by piece. ^C and a hang-up discard the rest.
@@ -495,20 +496,22 @@ impl Io {
 
     /// Writes up to [`TEXT`] bytes if there is room for all of them.
     pub(crate) fn try_write(&self, bytes: &[u8]) -> bool {
-        let mut tx = self.tx.borrow_mut();
-        let fits = TX.saturating_sub(tx.len()) >= bytes.len();
-        if fits {
-            bytes.iter().for_each(|&byte| _ = tx.push_back(byte));
-        }
-        fits
+        self.tx.with(|tx| {
+            let fits = TX.saturating_sub(tx.len()) >= bytes.len();
+            if fits {
+                bytes.iter().for_each(|&byte| _ = tx.push_back(byte));
+            }
+            fits
+        })
     }
 
     /// Drops what the host does not read, if there is no room for another text.
     pub(crate) fn discard_full_output(&self) {
-        let mut tx = self.tx.borrow_mut();
-        if TX.saturating_sub(tx.len()) < TEXT {
-            tx.clear();
-        }
+        self.tx.with(|tx| {
+            if TX.saturating_sub(tx.len()) < TEXT {
+                tx.clear();
+            }
+        });
     }
 
     /// Writes a text of up to [`TEXT`] bytes; a longer one is cut off there.
@@ -547,7 +550,7 @@ impl Io {
             return;
         }
         self.framing.set(Framing::default());
-        let unread = core::mem::take(&mut *self.rx.borrow_mut());
+        let unread = self.rx.with(core::mem::take);
         for rx in &unread {
             if let Rx::Text(byte) | Rx::Head(byte) | Rx::Data(byte) = *rx {
                 self.accept(byte);
@@ -916,7 +919,7 @@ mod tests {
             let mut god = core::pin::pin!(io.sleep_until(NEVER));
             poll(god.as_mut(), &io, 1_000);
             assert_eq!(io.take_abort(), at_once, "{bytes:?}");
-            io.rx.borrow_mut().clear();
+            io.rx.with(Deque::clear);
             poll(god.as_mut(), &io, 1_000);
             for now_us in [1_001, 1_001 + framing::SILENCE_US] {
                 poll(god.as_mut(), &io, now_us);

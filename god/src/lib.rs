@@ -73,6 +73,7 @@ mod realtime;
 mod sequences;
 pub mod session;
 mod settings;
+mod shared;
 pub mod shell;
 pub mod status;
 #[cfg(test)]

@@ -2,13 +2,14 @@
 
 pub mod bytes;
 
-use core::cell::{Cell, RefCell};
+use core::cell::Cell;
 
 use heapless::String;
 
 use crate::io::Io;
 use crate::motors::{COUNT, Motor};
 use crate::parameter::{self, COUNTS, HAND, HandParameter, KEPT, Kept, Source};
+use crate::shared::Shared;
 use crate::status::Status;
 
 /// Number of macros (manual 5.2.4).
@@ -152,8 +153,8 @@ enum Write {
 /// GOD's memory. The owner asks for changes and writes them where they survive.
 #[derive(Debug, Default)]
 pub struct Memory {
-    in_use: RefCell<Parameters>,
-    stored: RefCell<Stored>,
+    in_use: Shared<Parameters>,
+    stored: Shared<Stored>,
     changed: Cell<bool>,
     /// A command has saved something since the last commit.
     uncommitted: Cell<bool>,
@@ -164,17 +165,17 @@ impl Memory {
     /// A memory with what has survived.
     #[must_use]
     pub fn new(stored: Stored) -> Self {
-        Self { in_use: RefCell::new(stored.parameters), stored: RefCell::new(stored), ..Self::default() }
+        Self { in_use: Shared::new(stored.parameters), stored: Shared::new(stored), ..Self::default() }
     }
 
     /// The parameters in use; those that are stored are what FLOAD and PLOAD restore.
     #[must_use]
     pub fn parameters(&self) -> Parameters {
-        *self.in_use.borrow()
+        self.in_use.with(|in_use| *in_use)
     }
 
     pub(crate) fn change_parameters(&self, change: impl FnOnce(&mut Parameters)) {
-        change(&mut self.in_use.borrow_mut());
+        self.in_use.with(change);
     }
 
     /// From now on a command that saves waits until the owner has written it, and ends with [`Status::NOT_STORED`] if that fails: see
@@ -199,28 +200,28 @@ impl Memory {
     /// All of it.
     #[must_use]
     pub fn stored(&self) -> Stored {
-        self.stored.borrow().clone()
+        self.stored.with(|stored| stored.clone())
     }
 
     /// A copy to store, if it has changed since the last call.
     pub fn changed(&self) -> Option<Stored> {
-        self.changed.replace(false).then(|| self.stored.borrow().clone())
+        self.changed.replace(false).then(|| self.stored())
     }
 
-    pub(crate) fn read<T>(&self, read: impl FnOnce(&Stored) -> T) -> T {
-        read(&self.stored.borrow())
+    pub(crate) fn read<T: Default>(&self, read: impl FnOnce(&Stored) -> T) -> T {
+        self.stored.with(|stored| read(stored))
     }
 
     /// Saves something for a command; see [`Memory::commit`].
-    pub(crate) fn update<T>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
+    pub(crate) fn update<T: Default>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
         self.uncommitted.set(true);
         self.note(update)
     }
 
     /// Stores something that no command waits for.
-    pub(crate) fn note<T>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
+    pub(crate) fn note<T: Default>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
         self.changed.set(true);
-        update(&mut self.stored.borrow_mut())
+        self.stored.with(update)
     }
 
     /// Waits until the owner has written what commands have saved.

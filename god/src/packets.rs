@@ -138,7 +138,7 @@ pub(crate) async fn drop_late_answers(god: &God<'_>) {
 /// Prints a board's value, or with REPLY 1 its frame.
 pub(crate) async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
     if !god.session.packets() {
-        return god.print_line(format_args!("{} {}={value}", motor.number(), property.row().name)).await;
+        return god.print_line(format_args!("{} {}={value}", motor.number(), property.name())).await;
     }
     if let Some(message) = Message::reply(motor.node(), property, value) {
         write(god, &message.frame()).await;

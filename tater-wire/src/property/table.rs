@@ -363,6 +363,14 @@ macro_rules! table {
                 }
             }
 
+            /// The name, as in the manual; without the row's other texts, for firmware that prints it.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$name => stringify!($name),)*
+                }
+            }
+
             /// The part of the row that a board enforces.
             #[must_use]
             pub const fn rules(self) -> &'static Rules {
@@ -387,7 +395,7 @@ macro_rules! table {
                 match self {
                     $(Self::$name => const {
                         &PropertySpec {
-                            name: stringify!($name),
+                            name: Property::$name.name(),
                             rules: Property::$name.rules(),
                             unit: $unit,
                             min: $min,
