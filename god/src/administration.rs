@@ -1,12 +1,11 @@
 //! Help, status codes, version (manual 5.2.5, 5.2.6).
 
-use core::fmt::Write;
-
 use crate::command::{self, Category, GclCommand, ROWS};
 use crate::god::{God, Text, VERSION};
 use crate::grammar::{Arguments, lower};
 use crate::motors::Motors;
 use crate::status::{self, Status};
+use crate::words::{append, words};
 use tater_wire::Property;
 
 const CATEGORIES: [(Category, &str); 6] = [
@@ -35,7 +34,7 @@ pub(crate) async fn execute(god: &God<'_>, command: GclCommand, mut arguments: A
         (GclCommand::Help, None) => list(god, false).await,
         (GclCommand::HelpAll, _) => list(god, true).await,
         (GclCommand::Vers, _) => {
-            god.print_line(format_args!("{VERSION}")).await;
+            god.print_line(words![VERSION]).await;
             Status::OK
         }
         _ => Status::UNKNOWN_COMMAND,
@@ -50,21 +49,21 @@ async fn list(god: &God<'_>, advanced: bool) -> Status {
         let mut names = Text::new();
         for row in ROWS.iter().filter(|row| row.category == category) {
             // The longest list fits: see the test.
-            let _ = write!(names, " {}", row.name);
+            append(&mut names, words![" ", row.name]);
         }
-        god.print_line(format_args!("{title}:{names}")).await;
+        god.print_line(words![title, ":", names.as_str()]).await;
     }
     Status::OK
 }
 
 async fn help(god: &God<'_>, name: &str) -> Status {
     if let Some(row) = lower::ROWS.iter().find(|row| row.name == name) {
-        god.print_line(format_args!("{}: {}", row.line, row.help)).await;
+        god.print_line(words![row.line, ": ", row.help]).await;
         return Status::OK;
     }
     let Some(row) = command::find(name).and_then(GclCommand::row) else { return Status::UNKNOWN_COMMAND };
     let space = if row.arguments.is_empty() { "" } else { " " };
-    god.print_line(format_args!("{}{space}{}: {}", row.name, row.arguments, row.help)).await;
+    god.print_line(words![row.name, space, row.arguments, ": ", row.help]).await;
     Status::OK
 }
 
@@ -72,20 +71,20 @@ async fn help(god: &God<'_>, name: &str) -> Status {
 async fn errors(god: &God<'_>, number: Option<i64>) -> Status {
     let Ok(sum) = u16::try_from(number.unwrap_or(0)) else { return Status::INVALID_VALUE };
     if number == Some(0) {
-        god.print_line(format_args!("0 all went well")).await;
+        god.print_line(words!["0 all went well"]).await;
     }
     for bit in 0..u16::BITS {
         let code = Status::of(1 << bit);
         let row = status::ROWS.iter().find(|row| row.status == code);
         match row {
             Some(row) if number.is_none() || Status::of(sum).has(code) => {
-                god.print_line(format_args!("{} {}", code.code(), row.meaning)).await;
+                god.print_line(words![code.code(), " ", row.meaning]).await;
                 if number.is_some() && code == Status::NO_BOARD {
                     name_boards(god).await;
                 }
             }
             None if number.is_some() && Status::of(sum).has(code) => {
-                god.print_line(format_args!("{} (not used)", code.code())).await;
+                god.print_line(words![code.code(), " (not used)"]).await;
             }
             _ => {}
         }
@@ -97,18 +96,15 @@ async fn errors(god: &God<'_>, number: Option<i64>) -> Status {
 async fn name_boards(god: &God<'_>) {
     let answering = god.boards.get(Motors::ALL, Property::STAT).await.motors();
     for motor in Motors::ALL.difference(answering).iter() {
-        god.print_line(format_args!(
-            "motor {}: no answer. Check its power and its CAN cable",
-            motor.number()
-        ))
-        .await;
+        god.print_line(words!["motor ", motor.number(), ": no answer. Check its power and its CAN cable"])
+            .await;
     }
     let (first, second) = god.boards.find_doubled(answering).await;
     for motor in second.motors().iter() {
         let [one, other] = [first, second].map(|numbers| numbers.get(motor).unwrap_or(0));
         let (low, high) = (one.min(other), one.max(other));
-        god.print_line(format_args!("motor {}: two boards, SN {low} and SN {high}", motor.number())).await;
-        god.print_line(format_args!("{WAY_OUT}")).await;
+        god.print_line(words!["motor ", motor.number(), ": two boards, SN ", low, " and SN ", high]).await;
+        god.print_line(words![WAY_OUT]).await;
     }
 }
 

@@ -1,7 +1,6 @@
 //! The context that all commands share: ports, memory, boards, session; and how an answer is printed.
 
 use core::cell::Cell;
-use core::fmt;
 
 use heapless::String;
 
@@ -9,6 +8,7 @@ use crate::boards::Boards;
 use crate::io::{Io, TEXT};
 use crate::memory::Memory;
 use crate::session::Session;
+use crate::words::{Word, append, words};
 
 /// Precedes an answer, an error and the prompt: some clients look for LF CR, others for CR LF; this has both (decision 0025).
 pub const LINE_END: &str = "\r\n\r";
@@ -51,15 +51,18 @@ impl<'a> God<'a> {
         }
     }
 
-    pub(crate) async fn print_line(&self, text: fmt::Arguments<'_>) {
-        self.io.print(format_args!("{LINE_END}{text}")).await;
+    pub(crate) async fn print_line(&self, line: &[Word<'_>]) {
+        let mut text = Text::new();
+        append(&mut text, words![LINE_END]);
+        append(&mut text, line);
+        self.io.write(text.as_bytes()).await;
     }
 
     pub(crate) async fn banner(&self) {
-        self.print_line(format_args!("{BANNER}{BANNER_LINE_END}Version {VERSION}")).await;
+        self.print_line(words![BANNER, BANNER_LINE_END, "Version ", VERSION]).await;
     }
 
     pub(crate) async fn prompt(&self) {
-        self.print_line(format_args!("{PROMPT}")).await;
+        self.print_line(words![PROMPT]).await;
     }
 }

@@ -5,7 +5,6 @@
 
 use core::cell::Cell;
 use core::convert::Infallible;
-use core::fmt::{self, Write};
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
 use core::task::{Context, Poll, Waker};
@@ -17,6 +16,7 @@ use tater_wire::{Destination, Frame, Node};
 use crate::events::{EventKind, EventLog};
 use crate::framing::{self, Framing, Kind};
 use crate::shared::Shared;
+use crate::words::{Word, append};
 
 /// ^C: aborts the running command.
 pub const ABORT: u8 = framing::ABORT;
@@ -515,10 +515,10 @@ impl Io {
     }
 
     /// Writes a text of up to [`TEXT`] bytes; a longer one is cut off there.
-    pub(crate) async fn print(&self, text: fmt::Arguments<'_>) {
-        let mut buffer = String::<TEXT>::new();
-        let _ = buffer.write_fmt(text);
-        self.write(buffer.as_bytes()).await;
+    pub(crate) async fn print(&self, words: &[Word<'_>]) {
+        let mut text = String::<TEXT>::new();
+        append(&mut text, words);
+        self.write(text.as_bytes()).await;
     }
 
     /// Whether the host has disconnected since the last call.
@@ -628,6 +628,7 @@ pub(crate) async fn with_background<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::words::words;
     use core::pin::pin;
     use tater_wire::{Destination, Message, Node, Property};
 
@@ -825,7 +826,7 @@ mod tests {
             assert_eq!(text(&io).len(), kept, "room for {left}");
         }
         let io = Io::default();
-        assert!(run(&io, io.print(format_args!("{:>1$}{2}", 'x', TEXT, "cut off"))).is_some());
+        assert!(run(&io, io.print(words!["x".repeat(TEXT).as_str(), "cut off"])).is_some());
         assert_eq!(text(&io).len(), TEXT);
     }
 

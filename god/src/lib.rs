@@ -80,6 +80,7 @@ pub mod status;
 mod testing;
 pub mod units;
 mod walk_through;
+mod words;
 
 pub use io::Io;
 pub use memory::Memory;

@@ -12,6 +12,7 @@ use crate::framing::Packet;
 use crate::god::God;
 use crate::motors::{Motor, Motors};
 use crate::status::Status;
+use crate::words::words;
 use crate::{order, query};
 
 /// Time for answers that are under way, µs: a group of seven takes 4 ms. One that a page's erase delays further is passed on.
@@ -138,7 +139,7 @@ pub(crate) async fn drop_late_answers(god: &God<'_>) {
 /// Prints a board's value, or with REPLY 1 its frame.
 pub(crate) async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
     if !god.session.packets() {
-        return god.print_line(format_args!("{} {}={value}", motor.number(), property.name())).await;
+        return god.print_line(words![motor.number(), " ", property.name(), "=", value]).await;
     }
     if let Some(message) = Message::reply(motor.node(), property, value) {
         write(god, &message.frame()).await;

@@ -14,6 +14,7 @@ use crate::motors::{COUNT, Motors, Prefix};
 use crate::movement;
 use crate::query;
 use crate::status::Status;
+use crate::words::words;
 
 /// Line end of a recorded command.
 pub(crate) const END: char = '\r';
@@ -115,7 +116,7 @@ pub(crate) async fn record(god: &God<'_>, line: &str) {
     });
     if !fits {
         god.session.set_recording(None);
-        god.print_line(format_args!("sequence {number} is full: recording has ended")).await;
+        god.print_line(words!["sequence ", number, " is full: recording has ended"]).await;
     }
 }
 

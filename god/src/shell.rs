@@ -18,6 +18,7 @@ use crate::line::{self, Input};
 use crate::memory::Memory;
 use crate::motors::{Motors, Prefix};
 use crate::status::Status;
+use crate::words::words;
 use crate::{administration, movement, order, packets, realtime, sequences, settings, walk_through};
 
 enum Outcome {
@@ -72,7 +73,7 @@ async fn serve(god: &God<'_>) {
             Outcome::Reset => return,
             Outcome::Done(status) if !status.is_ok() => {
                 god.io.record(EventKind::Failed { status });
-                god.print_line(format_args!("ERR {}", status.code())).await;
+                god.print_line(words!["ERR ", status.code()]).await;
             }
             Outcome::Done(_) => {}
         }

@@ -18,6 +18,7 @@ use crate::grammar::lower::Request;
 use crate::io::NEVER;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
+use crate::words::words;
 use crate::{order, packets, query};
 
 /// Wait between two readings of a position, µs: a board counts its motor as standing after 200 ms without a hall count (decision 0012).
@@ -38,7 +39,7 @@ pub(crate) async fn execute(god: &God<'_>, request: Request) -> Status {
         }
         Request::SetReply(_) => Status::INVALID_VALUE,
         Request::GetReply => {
-            god.print_line(format_args!("0 REPLY={}", u8::from(god.session.packets()))).await;
+            god.print_line(words!["0 REPLY=", u8::from(god.session.packets())]).await;
             Status::OK
         }
     }

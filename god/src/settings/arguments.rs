@@ -4,6 +4,7 @@ use crate::god::God;
 use crate::grammar::Arguments;
 use crate::parameter::Category;
 use crate::status::Status;
+use crate::words::words;
 
 pub(super) struct Rule {
     pub writable: bool,
@@ -81,7 +82,7 @@ pub(super) const fn is_listed(category: Category, all: bool) -> bool {
 pub(super) async fn describe(god: &God<'_>, name: &str, rule: Rule, help: &str) {
     let Rule { writable, min, max } = rule;
     let access = if writable { "" } else { ", read only" };
-    god.print_line(format_args!("{name} {min}..{max}{access}; {help}")).await;
+    god.print_line(words![name, " ", min, "..", max, access, "; ", help]).await;
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use crate::grammar::Arguments;
 use crate::memory::HandParameters;
 use crate::parameter::{self, BAUDS, COMPATS, HAND, HandParameter, HandParameterSpec};
 use crate::status::Status;
+use crate::words::words;
 
 /// Interval of storing UPSECS, µs: a power failure loses up to this much.
 const STORE_US: u64 = 60_000_000;
@@ -93,7 +94,7 @@ pub(super) async fn get(god: &God<'_>, arguments: Arguments<'_>) -> Status {
     };
     let mut before = LINE_END;
     for row in rows {
-        god.io.print(format_args!("{before}{}", value(god, row.parameter))).await;
+        god.io.print(words![before, value(god, row.parameter)]).await;
         before = " ";
     }
     Status::OK
@@ -128,7 +129,7 @@ pub(super) async fn list(god: &God<'_>, all: bool) -> Status {
 
 pub(super) async fn list_values(god: &God<'_>, all: bool) -> Status {
     for row in HAND.iter().filter(|row| is_listed(row.category, all)) {
-        god.print_line(format_args!("{} {}", row.name, value(god, row.parameter))).await;
+        god.print_line(words![row.name, " ", value(god, row.parameter)]).await;
     }
     Status::OK
 }

@@ -17,6 +17,7 @@ use crate::memory::MotorParameters;
 use crate::motors::{Motor, Motors, Prefix, Selection};
 use crate::parameter::{self, Kept, MOTOR, ParameterSpec, Source};
 use crate::status::Status;
+use crate::words::words;
 use crate::{order, query};
 
 pub(super) async fn execute(
@@ -144,7 +145,7 @@ async fn print(god: &God<'_>, spec: &ParameterSpec, selection: Selection, separa
     }
     let mut separator = separator;
     for motor in axes.iter() {
-        god.io.print(format_args!("{separator}{}", values.get(motor).unwrap_or(0))).await;
+        god.io.print(words![separator, values.get(motor).unwrap_or(0)]).await;
         separator = " ";
     }
     Status::OK
@@ -217,12 +218,12 @@ pub(super) async fn list(god: &God<'_>, all: bool) -> Status {
 
 /// Prints a row for each parameter, below the numbers of the axes.
 async fn list_values(god: &God<'_>, selection: Selection, all: bool) -> Status {
-    god.print_line(format_args!("motor")).await;
+    god.print_line(words!["motor"]).await;
     for motor in selection.axes.iter() {
-        god.io.print(format_args!(" {}", motor.number())).await;
+        god.io.print(words![" ", motor.number()]).await;
     }
     for spec in MOTOR.iter().filter(|spec| is_listed(spec.category, all)) {
-        god.print_line(format_args!("{}", spec.name)).await;
+        god.print_line(words![spec.name]).await;
         let status = print(god, spec, selection, " ").await;
         if !status.is_ok() {
             return status;
