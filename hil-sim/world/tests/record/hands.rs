@@ -46,6 +46,8 @@ fn grasp() -> Record {
     watch(&mut record, "HI", line, hand, 5_800);
     line.put(b"SM 60\rGC\r", hand);
     watch(&mut record, "spread, then close", line, hand, 2_000);
+    line.put(b"SC\r", hand);
+    watch(&mut record, "the spread against the grasp", line, hand, 600);
     record.note("changes", &hand.revision());
     hand.set_source(20.0, 1.5);
     line.put(b"GO\r", hand);

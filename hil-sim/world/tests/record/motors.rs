@@ -73,7 +73,8 @@ fn drive(
             edges.extend(rig.advance(bridge(rig.halls()), released, line_us));
         }
         let (truth, analog) = (rig.truth(), rig.analog());
-        let seen = (&edges, rig.truth(), analog, rig.supply(), rig.joint_counts(), rig.objects_j());
+        let energy = (truth.ledger.residual_j(), truth.ledger.turnover_j());
+        let seen = (&edges, rig.truth(), energy, analog, rig.supply(), rig.joint_counts(), rig.objects_j());
         let more = (
             rig.settled_counts(),
             rig.hall_cell(),
