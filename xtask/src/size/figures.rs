@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
+use tater_wire::memory::{APPLICATION, MONITOR};
 
 use super::crates;
 use super::stack::{Deepest, Worst};
@@ -14,11 +15,14 @@ pub struct Limits {
     pub ram: u32,
 }
 
-/// The application keeps 4 of its 52 KiB free for later versions. The monitor keeps 2 of its 16 KiB free, because it is never written in the
-/// field: a new version must fit. Variables may take 8 of their 12 KiB.
+/// Part of each program's area that stays free, bytes (decision 0082): the monitor is never written in the field, and an application that fills its
+/// area could not be mended.
+const RESERVE: u32 = 2 * 1024;
+
+/// Variables may take 8 of their 12 KiB.
 pub const LIMITS: [Limits; 2] = [
-    Limits { program: "tater", flash: 48 * 1024, ram: 8 * 1024 },
-    Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
+    Limits { program: "tater", flash: APPLICATION.len - RESERVE, ram: 8 * 1024 },
+    Limits { program: "monitor", flash: MONITOR.len - RESERVE, ram: 8 * 1024 },
 ];
 
 pub struct Figures {
