@@ -336,7 +336,7 @@ fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
     let mut estimator = RecordedShaft::<18>::new(start);
     let mut seen = first;
     // Plain: one count over the last interval, less when the next edge is overdue, zero after a reversal.
-    let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0_i8, 0.0_f64);
+    let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0, 0.0_f64);
     let (mut r, mut until) = (Run::default(), 200_000_u32);
     for now in (10..12_000_000_u32).step_by(10) {
         if now >= until {
@@ -364,7 +364,7 @@ fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
                 if edge.bounce || at.0 - edge_at < 100 {
                     continue;
                 }
-                let sign = edge.direction.sign();
+                let sign = edge.way.along(1);
                 let dt = f64::from(at.0 - edge_at).max(1.0) * 1e-6;
                 plain = if sign == edge_sign { f64::from(sign) * f64::from(edge.steps) / dt } else { 0.0 };
                 (edge_at, edge_sign) = (at.0, sign);
@@ -592,7 +592,7 @@ fn hard_run<const N: usize>(hard: &Hard, counts: usize, seed: u64) -> [f64; 3] {
     let start = motor.cell(0.0);
     let mut halls = HallDecoder::new(Wiring::STANDARD, seen, start);
     let mut shaft = RecordedShaft::<N>::new(start);
-    let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0_i8, 0.0_f64);
+    let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0, 0.0_f64);
     let (mut sums, mut ticks) = ([0.0; 3], 0.0);
     for now in (25..12_000_000_u32).step_by(25) {
         rotor.step(hard, f64::from(now) * 1e-6, cog);
@@ -603,7 +603,7 @@ fn hard_run<const N: usize>(hard: &Hard, counts: usize, seed: u64) -> [f64; 3] {
         {
             shaft.edge(&edge);
             if !edge.bounce {
-                let sign = edge.direction.sign();
+                let sign = edge.way.along(1);
                 let dt = f64::from((now - edge_at).max(25)) * 1e-6;
                 plain = if sign == edge_sign { f64::from(sign) / dt } else { 0.0 };
                 (edge_at, edge_sign) = (now, sign);

@@ -5,6 +5,7 @@ use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
 use crate::sense::hall::Glitch;
 use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, MilliVolts, Torque};
+use crate::way::Way;
 
 /// The sensor readings of one control tick; hall edges and trips of the gate driver arrive when they happen.
 #[derive(Clone, Copy, Debug)]
@@ -52,8 +53,8 @@ pub enum Command {
     Move(i32),
     /// TC or TO: closes or opens until the motor stalls; with HOLD it then keeps pressing with MT.
     TorqueControlled {
-        /// Towards higher counts.
-        closing: bool,
+        /// TC closes, TO opens.
+        way: Way,
     },
     /// HI: seeks the joint's stop, moves IOFF away from it and defines that position as zero.
     Home,

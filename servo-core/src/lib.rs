@@ -71,6 +71,7 @@ pub mod num;
 pub mod sense;
 pub mod servo;
 pub mod units;
+pub mod way;
 
 pub use command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 pub use config::Config;

@@ -24,6 +24,7 @@ use crate::num::{Law, TICK_HZ, mul_clamped, mul_low};
 use crate::sense::hall::{HallEdge, HallEvent};
 use crate::sense::observer::{Motor, Observer, Push};
 use crate::units::{Counts, CountsPerSec, Torque};
+use crate::way::Way;
 use heapless::Deque;
 
 #[cfg(test)]
@@ -150,7 +151,7 @@ enum Goal {
     },
     Velocity,
     TorqueControlled {
-        closing: bool,
+        way: Way,
     },
     /// To E. `holds`: see [`Motion::Move`].
     Move {
@@ -179,10 +180,10 @@ impl Goal {
 enum Homing {
     /// Towards the stop, at IVEL.
     Seek,
-    /// Away from the stop, which is position 0, to prove that the motor can turn. `closing`: the stop ends closing.
-    Leave { closing: bool },
+    /// Away from the stop, which is position 0, to prove that the motor can turn. `stop`: the way that it ends.
+    Leave { stop: Way },
     /// Back to the stop.
-    Return { closing: bool },
+    Return { stop: Way },
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -198,9 +199,9 @@ enum Motion {
     /// Mode 4: V.
     Velocity,
     /// TC or TO.
-    TorqueControlled { closing: bool },
+    TorqueControlled { way: Way },
     /// After TC or TO stalled with HOLD: keeps pressing with MT and cannot stall again.
-    Pressing { closing: bool },
+    Pressing { way: Way },
     /// Mode 5: a move to E. `holds`: its end is a hold whatever HOLD is, because MODE ordered it (decision 0069).
     Move { control: PositionLoop, breakaway: Breakaway, arrival: Arrival, holds: bool },
     /// FIND: the legs of one sector are held with this torque.
@@ -331,16 +332,6 @@ fn carried(observer: &Observer, stage: Stage, goal: Law, error: Law) -> (Law, La
     (friction, load)
 }
 
-/// Whether a signed quantity closes (`true`) or opens; `None` at zero.
-const fn direction(value: i32) -> Option<bool> {
-    if value == 0 { None } else { Some(value > 0) }
-}
-
-/// A distance in counts, positive towards a stop that ends closing or opening.
-const fn towards(closing: bool, counts: i32) -> i32 {
-    if closing { counts } else { counts.wrapping_neg() }
-}
-
 #[derive(Debug)]
 struct Tuning {
     config: Config,
@@ -382,8 +373,11 @@ impl Tuning {
         self.config.ivel != 0 && config::torque(self.config.ihit.min(self.config.mt)) >= FRICTION
     }
 
-    fn press_speed(&self, closing: bool) -> CountsPerSec {
-        if closing { config::speed(self.config.mcv) } else { config::speed(self.config.mov).saturating_neg() }
+    fn press_speed(&self, way: Way) -> CountsPerSec {
+        match way {
+            Way::Closing => config::speed(self.config.mcv),
+            Way::Opening => config::speed(self.config.mov).saturating_neg(),
+        }
     }
 }
 
@@ -654,7 +648,7 @@ impl Servo {
                 self.move_to_end(false);
             }
             Command::MoveToEnd => self.enter_mode_5(false),
-            Command::TorqueControlled { closing } => self.replace(Goal::TorqueControlled { closing }),
+            Command::TorqueControlled { way } => self.replace(Goal::TorqueControlled { way }),
             Command::Home => {
                 self.homed = false;
                 self.replace(Goal::SeekStop);
@@ -907,7 +901,7 @@ impl Servo {
     fn is_forced(&self, wanted: Torque) -> bool {
         let torque = i32::from(self.applied.torque.0);
         let more = if torque > 0 { torque - i32::from(wanted.0) } else { i32::from(wanted.0) - torque };
-        more >= FORCED && direction(-torque) == direction(self.velocity.0.to_bits())
+        more >= FORCED && Way::of(-torque) == Way::of(self.velocity.0.to_bits())
     }
 
     /// Whether this tick may change what is known of the direction.
@@ -997,7 +991,7 @@ impl Servo {
                 self.motion = Motion::Field(Torque::ZERO);
                 self.set_direction(Direction::standing(self.count));
             }
-            Goal::TorqueControlled { closing } => self.motion = Motion::TorqueControlled { closing },
+            Goal::TorqueControlled { way } => self.motion = Motion::TorqueControlled { way },
             Goal::SeekStop => self.motion = Motion::Home { stage: Homing::Seek, way: 0 },
             Goal::Move { pid, holds } => {
                 self.motion = Motion::Move {
@@ -1009,7 +1003,7 @@ impl Servo {
             }
             Goal::Zero => {
                 // An IOFF that leads into the stop does not leave it: it would press for another TSTOP.
-                self.stall.forget(self.tuning.config.ioff < 0);
+                self.stall.forget(Way::closing_if(self.tuning.config.ioff < 0));
                 self.motion = Motion::Zero {
                     control: PositionLoop::at_rest(position, PidState::default()),
                     arrival: Arrival::of(false),
@@ -1025,7 +1019,7 @@ impl Servo {
         let here = self.position.round();
         if end.is_some_and(|end| {
             (end != here || matches!(goal, Goal::Move { .. }))
-                && self.stall.is_over(end > here, self.tuning.config.tstop)
+                && self.stall.is_over(Way::closing_if(end > here), self.tuning.config.tstop)
         }) {
             self.finish(EndReason::Stalled);
         } else {
@@ -1139,7 +1133,7 @@ impl Servo {
             let closes = control.setpoint.velocity > CountsPerSec::ZERO;
             control.setpoint = control.profile.step(ramps, reach(&self.observer, control, envelope));
             if control.setpoint.done {
-                self.observer.end_motion(closes);
+                self.observer.end_motion(Way::closing_if(closes));
             }
         }
         let setpoint = &control.setpoint;
@@ -1166,10 +1160,11 @@ impl Servo {
         let goal = self.velocity_goal();
         let half = goal.0 >> 1;
         match self.motion {
-            Motion::Pressing { closing: true } if self.velocity.0 < half => most,
-            Motion::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
+            Motion::Pressing { way: Way::Closing } if self.velocity.0 < half => most,
+            Motion::Pressing { way: Way::Opening } if self.velocity.0 > half => most.saturating_neg(),
             Motion::Home { .. }
-                if half != Law::ZERO && self.stall.is_over(half > Law::ZERO, HOMING_TSTOP_MIN / 2) =>
+                if half != Law::ZERO
+                    && self.stall.is_over(Way::closing_if(half > Law::ZERO), HOMING_TSTOP_MIN / 2) =>
             {
                 if half < Law::ZERO { most.saturating_neg() } else { most }
             }
@@ -1184,18 +1179,15 @@ impl Servo {
 
     /// Whether the motor has stalled in this direction and not rested since.
     fn must_rest(&self, goal: CountsPerSec) -> bool {
-        direction(goal.0.to_bits())
-            .is_some_and(|closing| self.stall.is_over(closing, self.tuning.config.tstop))
+        Way::of(goal.0.to_bits()).is_some_and(|way| self.stall.is_over(way, self.tuning.config.tstop))
     }
 
     fn velocity_goal(&self) -> CountsPerSec {
         match self.motion {
             Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. } => self.velocity_wanted,
-            Motion::TorqueControlled { closing }
-            | Motion::Pressing { closing }
-            | Motion::Starting { goal: Goal::TorqueControlled { closing }, .. } => {
-                self.tuning.press_speed(closing)
-            }
+            Motion::TorqueControlled { way }
+            | Motion::Pressing { way }
+            | Motion::Starting { goal: Goal::TorqueControlled { way }, .. } => self.tuning.press_speed(way),
             Motion::Home { stage, .. } => self.homing_velocity(stage),
             Motion::Starting { goal: Goal::SeekStop, .. } => self.homing_velocity(Homing::Seek),
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
@@ -1210,13 +1202,13 @@ impl Servo {
     /// Towards the stop once it is known: a new sign of IVEL does not turn HI round.
     fn homing_velocity(&self, stage: Homing) -> CountsPerSec {
         let velocity = CountsPerSec::from_int(self.tuning.config.ivel);
-        let closing = match stage {
+        let way = match stage {
             Homing::Seek => return velocity,
-            Homing::Leave { closing } => !closing,
-            Homing::Return { closing } => closing,
+            Homing::Leave { stop } => stop.back(),
+            Homing::Return { stop } => stop,
         };
         let opens = velocity < CountsPerSec::ZERO;
-        if opens == closing { velocity.saturating_neg() } else { velocity }
+        if opens == way.is_closing() { velocity.saturating_neg() } else { velocity }
     }
 
     /// To leave a stop it has all of MT: a motion may have wedged the joint in it.
@@ -1251,8 +1243,8 @@ impl Servo {
         let tstop = if homes { self.tstop() } else { self.tuning.config.tstop };
         let stalled = if counted && self.stall.count(self.count) {
             false
-        } else if let Some(closing) = self.drives(tstop) {
-            self.stall.drive(closing, tstop)
+        } else if let Some(way) = self.drives(tstop) {
+            self.stall.drive(way, tstop)
         } else {
             self.stall.rest(tstop);
             false
@@ -1292,15 +1284,16 @@ impl Servo {
             Homing::Seek if stalled && self.presses() => {
                 self.zero = self.count;
                 self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
-                self.enter(Homing::Leave { closing: self.applied.torque > Torque::ZERO });
+                let stop = Way::closing_if(self.applied.torque > Torque::ZERO);
+                self.enter(Homing::Leave { stop });
             }
             Homing::Seek if stalled => {
                 self.finish(EndReason::Stalled);
                 return true;
             }
             Homing::Seek if is_over(SEEK_WAY) => self.faults.raise(Condition::JAMMED),
-            Homing::Leave { closing } if towards(!closing, at) >= PROOF_WAY => {
-                self.enter(Homing::Return { closing });
+            Homing::Leave { stop } if stop.back().along(at) >= PROOF_WAY => {
+                self.enter(Homing::Return { stop });
             }
             Homing::Return { .. } if stalled && self.presses() && at.abs() <= SAME_STOP => {
                 self.begin(Goal::Zero);
@@ -1310,7 +1303,7 @@ impl Servo {
                 self.faults.raise(Condition::JAMMED);
             }
             // The first contact was none.
-            Homing::Return { closing } if towards(closing, at) > SAME_STOP => {
+            Homing::Return { stop } if stop.along(at) > SAME_STOP => {
                 self.faults.raise(Condition::JAMMED);
             }
             Homing::Seek | Homing::Leave { .. } | Homing::Return { .. } => {}
@@ -1366,30 +1359,34 @@ impl Servo {
         arrival.is_given_up().then_some(EndReason::Stalled)
     }
 
-    /// The direction in which the motor is driven away from rest, `true` closing, so that a missing hall count is a stall.
-    fn drives(&self, tstop: u16) -> Option<bool> {
+    /// The way in which the motor is driven away from rest, so that a missing hall count is a stall.
+    fn drives(&self, tstop: u16) -> Option<Way> {
         match &self.motion {
             Motion::Idle | Motion::Starting { .. } | Motion::Field(_) => None,
-            Motion::Torque(wanted) => direction(i32::from(wanted.0)),
+            Motion::Torque(wanted) => Way::of(i32::from(wanted.0)),
             // These run until something stops them, however little torque a low gain asks for.
-            Motion::TorqueControlled { closing } | Motion::Pressing { closing } => Some(*closing),
-            Motion::Home { stage, .. } => Some(self.homing_velocity(*stage) > CountsPerSec::ZERO),
-            Motion::Velocity if self.presses_by_velocity(tstop) => {
-                direction(i32::from(self.applied.torque.0))
+            Motion::TorqueControlled { way } | Motion::Pressing { way } => Some(*way),
+            Motion::Home { stage, .. } => {
+                Some(Way::closing_if(self.homing_velocity(*stage) > CountsPerSec::ZERO))
             }
+            Motion::Velocity if self.presses_by_velocity(tstop) => Way::of(i32::from(self.applied.torque.0)),
             Motion::Velocity => None,
             // ACCEL 0 cannot move: such a move ends as a stall instead of never.
-            Motion::Move { .. } if self.tuning.config.accel == 0 => Some(self.end > self.position.round()),
-            Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
+            Motion::Move { .. } if self.tuning.config.accel == 0 => {
+                Some(Way::closing_if(self.end > self.position.round()))
+            }
+            Motion::Zero { .. } if self.tuning.config.accel == 0 => {
+                Some(Way::closing_if(self.tuning.config.ioff > 0))
+            }
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 if self.stall.may_be_over(tstop)
-                    && let closing @ Some(_) = self.is_blocked(control, tstop)
+                    && let way @ Some(_) = self.is_blocked(control, tstop)
                 {
-                    return closing;
+                    return way;
                 }
-                let torque = || direction(i32::from(self.applied.torque.0));
+                let torque = || Way::of(i32::from(self.applied.torque.0));
                 // A high KD may press a rotor on a stop that its set-point has not reached yet.
-                if self.presses() && torque() == direction(control.setpoint.velocity.round().into()) {
+                if self.presses() && torque() == Way::of(control.setpoint.velocity.round().into()) {
                     return torque();
                 }
                 let elsewhere =
@@ -1399,7 +1396,7 @@ impl Servo {
                 }
                 let lag = control.lag(self.position);
                 let is_driven = lag <= DRIVEN_LAG.wrapping_neg() || lag >= DRIVEN_LAG;
-                is_driven.then_some(lag > Counts::ZERO)
+                is_driven.then_some(Way::closing_if(lag > Counts::ZERO))
             }
         }
     }
@@ -1413,11 +1410,10 @@ impl Servo {
 
     /// The direction of an end behind an obstacle that has just stalled the motor: the set-point has only begun to move towards it.
     #[inline(never)]
-    fn is_blocked(&self, control: &PositionLoop, tstop: u16) -> Option<bool> {
+    fn is_blocked(&self, control: &PositionLoop, tstop: u16) -> Option<Way> {
         // By cells: a rotor on the boundary of its own is at its end.
         let ahead = Counts::from_int(control.profile.end().round()).wrapping_sub(self.cell());
-        let closing = ahead > Counts::ZERO;
-        (ahead != Counts::ZERO && self.stall.is_over(closing, tstop)).then_some(closing)
+        Way::of(ahead.0.to_bits()).filter(|&way| self.stall.is_over(way, tstop))
     }
 
     fn tstop(&self) -> u16 {
@@ -1453,8 +1449,8 @@ impl Servo {
                 self.homed = true;
                 self.report(Event::Homed);
             }
-            (&Motion::TorqueControlled { closing }, EndReason::Stalled) => {
-                pressing = Some(Motion::Pressing { closing });
+            (&Motion::TorqueControlled { way }, EndReason::Stalled) => {
+                pressing = Some(Motion::Pressing { way });
             }
             _ => {}
         }

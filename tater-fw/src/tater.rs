@@ -33,6 +33,7 @@ use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Micros, Torque};
+use servo_core::way::Way;
 use servo_core::{Command, Config, Drive, EndReason, Event, Refusal, Sense, Servo, Telemetry};
 use tater_wire::property::{Access, Rules, Stored, host_units};
 use tater_wire::{
@@ -658,8 +659,8 @@ impl<B: Board> Tater<B> {
             Cmd::Hi => self.command(Command::Home).and_then(|()| self.command(Command::ClearBreakaway)),
             Cmd::Ic => self.step_by(i32::from(self.settings.ds)),
             Cmd::Io => self.step_by(-i32::from(self.settings.ds)),
-            Cmd::Tc => self.command(Command::TorqueControlled { closing: true }),
-            Cmd::To => self.command(Command::TorqueControlled { closing: false }),
+            Cmd::Tc => self.command(Command::TorqueControlled { way: Way::Closing }),
+            Cmd::To => self.command(Command::TorqueControlled { way: Way::Opening }),
             Cmd::C => self.command(Command::Move(self.settings.ct)),
             Cmd::M => self.command(Command::Move(self.settings.dp)),
             Cmd::O => self

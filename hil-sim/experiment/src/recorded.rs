@@ -312,7 +312,7 @@ impl<const N: usize> RecordedShaft<N> {
         }
         self.previous = self.motion;
         let before = self.motion;
-        let sign = edge.direction.sign();
+        let sign = if edge.way.is_closing() { 1 } else { -1 };
         let (boundary, cell) = if sign > 0 {
             (edge.count, edge.count.wrapping_sub(1))
         } else {

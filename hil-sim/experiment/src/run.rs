@@ -17,6 +17,7 @@ use hil_world::board::SimBoard;
 use hil_world::node::{Node, Sample};
 use hil_world::plant::{Model, ParamError};
 use hil_world::rig::{Rig, RigParams};
+use servo_core::way::Way;
 
 /// Options of a run.
 #[derive(Clone, Copy, Debug)]
@@ -258,8 +259,8 @@ fn send_order(order: &Order, node: &mut Node) -> Result<(), SetError> {
         Command::Position(counts) => (Property::P, i64::from(counts)),
         Command::End(counts) => (Property::E, i64::from(counts)),
         Command::Move(counts) => (Property::M, i64::from(counts)),
-        Command::TorqueControlled { closing: true } => cmd(Cmd::Tc),
-        Command::TorqueControlled { closing: false } => cmd(Cmd::To),
+        Command::TorqueControlled { way: Way::Closing } => cmd(Cmd::Tc),
+        Command::TorqueControlled { way: Way::Opening } => cmd(Cmd::To),
         Command::Home => cmd(Cmd::Hi),
         Command::Find => (Property::FIND, 1),
         Command::Terminate => cmd(Cmd::T),

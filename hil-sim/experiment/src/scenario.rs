@@ -55,6 +55,7 @@ use crate::metrics::{self, Metric, Metrics, Value, Window};
 use crate::properties::Property;
 use hil_world::plant::{Heat, Model, ParamError, PlantParams, Start};
 use hil_world::rig::{Object, Rig, RigParams};
+use servo_core::way::Way;
 
 /// A scenario.
 #[derive(Clone, Debug)]
@@ -205,8 +206,8 @@ impl std::fmt::Display for Action {
                 Command::Position(position) => write!(f, "P = {position}"),
                 Command::End(end) => write!(f, "E = {end}"),
                 Command::Move(end) => write!(f, "move to {end}"),
-                Command::TorqueControlled { closing: true } => f.write_str("TC"),
-                Command::TorqueControlled { closing: false } => f.write_str("TO"),
+                Command::TorqueControlled { way: Way::Closing } => f.write_str("TC"),
+                Command::TorqueControlled { way: Way::Opening } => f.write_str("TO"),
                 Command::Home => f.write_str("HI"),
                 Command::Find => f.write_str("FIND"),
                 Command::Terminate => f.write_str("terminate"),

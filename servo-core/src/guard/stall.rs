@@ -4,6 +4,8 @@
 //! has its own, so that a motion may leave a stop that the last one ran into. A count clears both, and so does a rest of
 //! TSTOP. A rotor that goes to and fro between the same two cells does not move: it rests on the boundary of an obstacle.
 
+use crate::way::Way;
+
 /// Largest part of the time between the last count and the set-point being a whole count ahead that belongs to the stall. A
 /// rotor that hits an obstacle stopped at its last count, and at 100 counts/s or more the set-point is ahead within 10 ms.
 /// A set-point that creeps gets no more than this.
@@ -50,11 +52,11 @@ impl Stall {
     /// motor has stalled.
     #[must_use]
     #[inline]
-    pub fn drive(&mut self, closing: bool, tstop: u16) -> bool {
+    pub fn drive(&mut self, way: Way, tstop: u16) -> bool {
         self.rest_ms = 0;
-        let still_ms = if closing { &mut self.closing_ms } else { &mut self.opening_ms };
+        let still_ms = self.still_ms(way);
         *still_ms = still_ms.saturating_add(1);
-        self.is_over(closing, tstop)
+        self.is_over(way, tstop)
     }
 
     /// A tick in which the motor is not driven away from rest: idle, waiting for its brake, or following a set-point that
@@ -70,21 +72,31 @@ impl Stall {
         self.rest_ms += 1;
         if self.rest_ms >= u32::from(tstop) && self.lead_ms == 0 {
             self.rest_ms = RESTED;
-            self.forget(false);
-            self.forget(true);
+            self.forget(Way::Opening);
+            self.forget(Way::Closing);
         }
     }
 
-    /// Forgets the time of one direction: HI leaves the stop that it has pressed on purpose.
-    pub fn forget(&mut self, closing: bool) {
-        let still_ms = if closing { &mut self.closing_ms } else { &mut self.opening_ms };
+    const fn still_ms(&mut self, way: Way) -> &mut u32 {
+        match way {
+            Way::Opening => &mut self.opening_ms,
+            Way::Closing => &mut self.closing_ms,
+        }
+    }
+
+    /// Forgets the time of one way: HI leaves the stop that it has pressed on purpose.
+    pub fn forget(&mut self, way: Way) {
+        let still_ms = self.still_ms(way);
         *still_ms = (*still_ms).min(LEAD_MS.into());
     }
 
     /// Whether the motor has been driven that way for `tstop` without a count.
     #[must_use]
-    pub fn is_over(&self, closing: bool, tstop: u16) -> bool {
-        let still_ms = if closing { self.closing_ms } else { self.opening_ms };
+    pub fn is_over(&self, way: Way, tstop: u16) -> bool {
+        let still_ms = match way {
+            Way::Opening => self.opening_ms,
+            Way::Closing => self.closing_ms,
+        };
         tstop != 0 && still_ms >= u32::from(tstop) + u32::from(self.lead_ms)
     }
 
@@ -98,7 +110,7 @@ impl Stall {
     /// Whether half of `tstop` is used up, either way.
     #[must_use]
     pub fn is_over_half(&self, tstop: u16) -> bool {
-        self.is_over(true, tstop / 2) || self.is_over(false, tstop / 2)
+        self.is_over(Way::Closing, tstop / 2) || self.is_over(Way::Opening, tstop / 2)
     }
 }
 
@@ -107,8 +119,8 @@ mod tests {
     use super::*;
 
     /// Ticks of drive until the stall.
-    fn left(stall: &mut Stall, closing: bool, tstop: u16) -> Option<u32> {
-        (1..100_000).find(|_| stall.drive(closing, tstop))
+    fn left(stall: &mut Stall, way: Way, tstop: u16) -> Option<u32> {
+        (1..100_000).find(|_| stall.drive(way, tstop))
     }
 
     /// The next count of a rotor that closes.
@@ -126,7 +138,7 @@ mod tests {
     fn stalls_tstop_after_the_last_count() {
         let mut stall = Stall::default();
         count(&mut stall);
-        assert_eq!(left(&mut stall, true, 3), Some(3));
+        assert_eq!(left(&mut stall, Way::Closing, 3), Some(3));
     }
 
     #[test]
@@ -135,12 +147,12 @@ mod tests {
             let mut stall = Stall::default();
             count(&mut stall);
             rest(&mut stall, undriven, 300);
-            assert_eq!(left(&mut stall, false, 300), Some(expected), "{undriven}");
+            assert_eq!(left(&mut stall, Way::Opening, 300), Some(expected), "{undriven}");
         }
         // Before the first count there is no obstacle.
         let mut stall = Stall::default();
         rest(&mut stall, 500, 300);
-        assert_eq!(left(&mut stall, true, 300), Some(300));
+        assert_eq!(left(&mut stall, Way::Closing, 300), Some(300));
     }
 
     #[test]
@@ -150,10 +162,10 @@ mod tests {
             if tick % 3 == 0 {
                 count(&mut stall);
             } else {
-                assert!(!stall.drive(true, 3), "a count every 3 ms");
+                assert!(!stall.drive(Way::Closing, 3), "a count every 3 ms");
             }
         }
-        assert_eq!(left(&mut Stall::default(), true, 0), None, "TSTOP 0 never stalls");
+        assert_eq!(left(&mut Stall::default(), Way::Closing, 0), None, "TSTOP 0 never stalls");
     }
 
     #[test]
@@ -161,14 +173,14 @@ mod tests {
         for (ms, expected) in [(0, 1), (1, 1), (299, 1), (300, 290), (9999, 290)] {
             let mut stall = Stall::default();
             count(&mut stall);
-            assert_eq!(left(&mut stall, true, 300), Some(300));
+            assert_eq!(left(&mut stall, Way::Closing, 300), Some(300));
             rest(&mut stall, ms, 300);
-            assert_eq!(left(&mut stall, true, 300), Some(expected), "after {ms} ms");
+            assert_eq!(left(&mut stall, Way::Closing, 300), Some(expected), "after {ms} ms");
         }
         let mut stall = Stall::default();
-        assert_eq!(left(&mut stall, true, 300), Some(300));
+        assert_eq!(left(&mut stall, Way::Closing, 300), Some(300));
         count(&mut stall);
-        assert_eq!(left(&mut stall, true, 300), Some(300));
+        assert_eq!(left(&mut stall, Way::Closing, 300), Some(300));
     }
 
     #[test]
@@ -176,8 +188,8 @@ mod tests {
         let mut stall = Stall::default();
         count(&mut stall);
         let mut driven = 0;
-        while !(stall.is_over(true, 300) && stall.is_over(false, 300)) {
-            let _ = stall.drive(driven / 100 % 2 == 0, 300);
+        while !(stall.is_over(Way::Closing, 300) && stall.is_over(Way::Opening, 300)) {
+            let _ = stall.drive(Way::closing_if(driven / 100 % 2 == 0), 300);
             driven += 1;
         }
         assert!(driven <= 700, "{driven}");
@@ -196,7 +208,7 @@ mod tests {
         let mut stall = Stall::default();
         let ended = (1..).find(|ms| {
             let moved = ms % 20 == 0 && stall.count(ms / 20 % 2);
-            !moved && stall.drive(true, 300)
+            !moved && stall.drive(Way::Closing, 300)
         });
         assert!(ended.is_some_and(|ms| (290..=360).contains(&ms)), "{ended:?}");
     }

@@ -19,6 +19,7 @@
 
 pub use crate::sense::wiring::Wiring;
 use crate::units::Micros;
+use crate::way::Way;
 
 #[cfg(test)]
 mod tests;
@@ -45,27 +46,6 @@ const LEAK: Micros = Micros(16_000);
 /// Three times the slowest step at 10 counts/s.
 const STANDING: Micros = Micros(300_000);
 
-/// Direction of rotation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Direction {
-    /// Counts rise.
-    Closing,
-    /// Counts fall.
-    Opening,
-}
-
-impl Direction {
-    /// +1 closing, −1 opening.
-    #[must_use]
-    pub const fn sign(self) -> i8 {
-        match self {
-            Self::Closing => 1,
-            Self::Opening => -1,
-        }
-    }
-}
-
 /// One accepted step of the count. `count` is the cell entered: cell k spans k−½ … k+½ counts, so that the
 /// boundary just crossed is at `count − ½` when closing and at `count + ½` when opening.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,8 +54,8 @@ pub struct HallEdge {
     pub count: i32,
     /// Counts that the step spans: more than 1 if edges were lost and the direction was clear.
     pub steps: u8,
-    /// Direction of the step.
-    pub direction: Direction,
+    /// Way of the step.
+    pub way: Way,
     /// Time of the line's change; a confirmed jump has the time of its last change.
     pub at: Micros,
     /// Whether the line that changed rose. Open-collector sensors fall sharply and rise late.
@@ -150,7 +130,7 @@ pub struct HallDecoder {
     /// Trusted sector; `None` until the first legal code.
     sector: Option<u8>,
     count: i32,
-    direction: Direction,
+    way: Way,
     /// Time of the last step; `None` if it is so long ago that it means nothing any more ([`HallDecoder::age`]).
     at: Option<Micros>,
     /// The last step was a jump, or came within [`CONFIRM`] of the one before: it may have been a glitch.
@@ -176,7 +156,7 @@ impl HallDecoder {
             code: code & 7,
             sector: wiring.sector(code),
             count,
-            direction: Direction::Closing,
+            way: Way::Closing,
             at: None,
             doubtful: false,
             pending: None,
@@ -315,17 +295,17 @@ impl HallDecoder {
             return None;
         }
         let either = delta == 3;
-        let delta = if either { self.likely_direction() * 3 } else { delta };
+        let delta = if either { if self.likely_way().is_closing() { 3 } else { -3 } } else { delta };
         let disturbed = at.wrapping_since(self.glitched).0;
         let late = self.score != 0 && (CONFIRM.0..ILLEGAL.0).contains(&disturbed);
         self.pending = Some(Pending { sector, delta, either, at, late });
         Some(self.glitch(Glitch::Jump, at))
     }
 
-    /// Direction of a jump by three sectors: as before, but reversed after a doubtful step, so that a wrong code of any length is
+    /// Way of a jump by three sectors: as before, but reversed after a doubtful step, so that a wrong code of any length is
     /// undone.
-    const fn likely_direction(&self) -> i8 {
-        if self.doubtful { -self.direction.sign() } else { self.direction.sign() }
+    const fn likely_way(&self) -> Way {
+        if self.doubtful { self.way.back() } else { self.way }
     }
 
     /// A step that is not [`Self::sample`]'s quick one: not inlined, for size.
@@ -336,20 +316,20 @@ impl HallDecoder {
 
     #[inline]
     fn step(&mut self, sector: u8, delta: i8, at: Micros, uncertain: bool) -> HallEvent {
-        let direction = if delta > 0 { Direction::Closing } else { Direction::Opening };
+        let way = Way::closing_if(delta > 0);
         let steps = delta.unsigned_abs();
         let since = self.at.map_or(u32::MAX, |last| at.wrapping_since(last).0);
-        let bounce = steps == 1 && direction != self.direction && since < BOUNCE.0;
+        let bounce = steps == 1 && way != self.way && since < BOUNCE.0;
         self.sector = Some(sector);
         self.count = self.count.wrapping_add(i32::from(delta));
-        self.direction = direction;
+        self.way = way;
         self.at = Some(at);
         self.doubtful = steps > 1 || since < CONFIRM.0;
         self.pending = None;
         self.score = self.score.saturating_sub(1);
         // Neighbors differ in one line, so they alternately have one and two lines high.
         let rising = self.wiring.two_high() >> self.code & 1 != 0;
-        HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce, uncertain })
+        HallEvent::Step(HallEdge { count: self.count, steps, way, at, rising, bounce, uncertain })
     }
 
     /// Counts a glitch; returns it, or the fault that it completes.

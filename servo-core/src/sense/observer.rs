@@ -55,6 +55,7 @@ use crate::config::Config;
 use crate::num::{Law, half_octaves, mul_low, mul_low_unsigned, mul_shift, mul_upper, saturating_i16};
 use crate::sense::hall::HallEdge;
 use crate::units::{Counts, CountsPerSec, Micros};
+use crate::way::Way;
 use fixed::types::{I16F16, I22F10};
 
 #[cfg(test)]
@@ -407,9 +408,12 @@ impl Observer {
 
     /// A motion in this direction has ended: of a load along it, forgets what may have been friction that the motor does not have, F at most.
     /// A resting rotor is held by as much.
-    pub fn end_motion(&mut self, closing: bool) {
+    pub fn end_motion(&mut self, way: Way) {
         let friction = self.motor.friction;
-        let (low, high) = if closing { (0, friction) } else { (-friction, 0) };
+        let (low, high) = match way {
+            Way::Closing => (0, friction),
+            Way::Opening => (-friction, 0),
+        };
         self.state.load -= self.state.load.max(low).min(high);
     }
 
@@ -575,7 +579,7 @@ impl Observer {
             return self.restore(edge.count);
         }
         self.previous = self.state;
-        let sign = i32::from(edge.direction.sign());
+        let sign = edge.way.along(1);
         let shift = sign * i32::from(edge.steps.min(8)) * COUNT;
         self.enter(edge.count);
         let m = &mut self.state;

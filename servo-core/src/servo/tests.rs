@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::guard::fault::Fault;
-use crate::sense::hall::{Direction, HallEdge, HallFault};
+use crate::sense::hall::{HallEdge, HallFault};
 use crate::units::{DeciCelsius, Duty, Micros, MilliAmps, MilliVolts};
+use crate::way::Way;
 use proptest::prelude::*;
 
 mod entries;
@@ -96,12 +97,12 @@ impl Bench {
         while self.count != count {
             let closing = count > self.count;
             self.count += if closing { 1 } else { -1 };
-            let direction = if closing { Direction::Closing } else { Direction::Opening };
+            let way = Way::closing_if(closing);
             self.now = self.now.wrapping_add(Micros(60));
             let edge = HallEdge {
                 count: self.count,
                 steps: 1,
-                direction,
+                way,
                 at: self.now,
                 rising: self.count & 1 == 0,
                 bounce: false,
@@ -165,7 +166,7 @@ fn commands() -> [(Command, &'static str); 17] {
         (Command::Position(7), "P"),
         (Command::End(20), "E"),
         (Command::Move(30), "M"),
-        (Command::TorqueControlled { closing: true }, "TC"),
+        (Command::TorqueControlled { way: Way::Closing }, "TC"),
         (Command::Home, "HI"),
         (Command::Terminate, "T (command)"),
         (Command::Configure(Config { mt: 700, ..Joint::Spread.config() }), "MT"),
@@ -363,7 +364,7 @@ fn move_with_accel_0_ends_as_a_stall() {
 #[test]
 fn torque_control_with_hold_keeps_pressing() {
     let mut bench = Bench::new(Joint::Spread);
-    bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    bench.servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap();
     for _ in 0..2000 {
         bench.tick();
     }
@@ -380,7 +381,7 @@ fn torque_control_stalls_at_any_gain_and_presses_with_mt() {
     // 16 counts/s at the least gain: the loop alone asks for one unit of torque.
     let config = Config { mov: 16, kpv: 1, mt: 600, ..*bench.servo.config() };
     bench.servo.command(Command::Configure(config)).unwrap();
-    bench.servo.command(Command::TorqueControlled { closing: false }).unwrap();
+    bench.servo.command(Command::TorqueControlled { way: Way::Opening }).unwrap();
     for _ in 0..31 + 400 {
         bench.tick();
     }
@@ -640,7 +641,7 @@ fn home_needs_a_known_direction_of_closing() {
 fn motor_that_runs_against_its_torque_is_stopped() {
     let mut bench = Bench::new(Joint::Spread);
     bench.servo.set_wired(true);
-    bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    bench.servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap();
     let driven = (0..500).any(|_| bench.tick().duty.is_some_and(|duty| duty.0 > 0));
     assert!(driven, "after the brake's release");
     assert!((1..=6).any(|count| bench.tick_to(-count).duty.is_none()), "within six counts");
@@ -656,7 +657,7 @@ fn motor_that_runs_against_its_torque_is_stopped() {
 fn motor_that_runs_with_its_torque_is_not_stopped() {
     let mut bench = Bench::new(Joint::Spread);
     bench.servo.set_wired(true);
-    bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    bench.servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap();
     assert!((0..500).any(|_| bench.tick().duty.is_some_and(|duty| duty.0 > 0)));
     assert!((1..=60).all(|count| bench.tick_to(count).duty.is_some()));
     assert_eq!(bench.servo.telemetry().fault, None);

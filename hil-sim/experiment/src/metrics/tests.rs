@@ -1,6 +1,7 @@
 //! Feeds the meter hand-made ticks: what counts as a move, from which time, and past which goal.
 
 use servo_core::units::{Counts, CountsPerSec, DeciCelsius, Duty, MilliAmps, MilliVolts, Torque};
+use servo_core::way::Way;
 use servo_core::{Command, EndReason, Event, Telemetry};
 
 use super::*;
@@ -163,7 +164,7 @@ fn move_after_another_motion_has_its_own_time() {
     let cut = at(150, Mode::Velocity, 50.0);
     meter.event(&Event::Ended { reason: EndReason::Aborted, mode: Mode::Velocity }, &cut);
     assert_eq!((so_far(&meter).end_reason, so_far(&meter).end_ms), (Some(EndReason::Aborted), Some(49.0)));
-    meter.command(&Command::TorqueControlled { closing: true }, true, &cut, 50.0);
+    meter.command(&Command::TorqueControlled { way: Way::Closing }, true, &cut, 50.0);
     assert_eq!((so_far(&meter).end_reason, so_far(&meter).end_ms), (None, None));
     tick(&mut meter, &at(151, Mode::Velocity, 50.0));
     ended(&mut meter, &at(451, Mode::Velocity, 50.0), EndReason::Stalled);

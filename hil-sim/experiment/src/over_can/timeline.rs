@@ -11,6 +11,7 @@ use super::{BoardResult, Job, ObservedBoard, OverCan};
 use crate::properties::PROPERTIES;
 use crate::run::POLL_MS as HOST_MS;
 use crate::scenario::{Action, Order, Scenario};
+use servo_core::way::Way;
 
 impl<S: ObservedBoard> OverCan<S> {
     /// Runs a scenario on all boards at once. The jobs' motors replace the boards' at the start: during the boot a rotor would coast and
@@ -167,8 +168,8 @@ fn as_property(order: &Order, board: &BoardView) -> Option<(Property, i64, (Prop
         }
         Command::End(counts) => ((Property::E, i64::from(counts)), (Property::E, Some(i64::from(counts)))),
         Command::Move(counts) => ((Property::M, i64::from(counts)), (Property::E, Some(i64::from(counts)))),
-        Command::TorqueControlled { closing: true } => (cmd(Cmd::Tc), mode(Mode::Velocity)),
-        Command::TorqueControlled { closing: false } => (cmd(Cmd::To), mode(Mode::Velocity)),
+        Command::TorqueControlled { way: Way::Closing } => (cmd(Cmd::Tc), mode(Mode::Velocity)),
+        Command::TorqueControlled { way: Way::Opening } => (cmd(Cmd::To), mode(Mode::Velocity)),
         Command::Home => (cmd(Cmd::Hi), mode(Mode::Velocity)),
         Command::Find => ((Property::FIND, 1), (Property::FIND, None)),
         Command::Terminate => (cmd(Cmd::T), mode(Mode::Idle)),

@@ -1,6 +1,6 @@
 use super::*;
 use proptest::prelude::*;
-use servo_core::sense::hall::Direction;
+use servo_core::way::Way;
 
 /// Edges at the given times, alternately falling and rising; boundaries with an odd number rise when closing.
 fn feed<const N: usize>(
@@ -9,13 +9,13 @@ fn feed<const N: usize>(
     sign: i32,
     times: impl IntoIterator<Item = u32>,
 ) {
-    let direction = if sign > 0 { Direction::Closing } else { Direction::Opening };
+    let way = Way::closing_if(sign > 0);
     for at in times {
         *count += sign;
         let boundary = if sign > 0 { *count } else { *count + 1 };
         let rising = (boundary & 1 == 1) == (sign > 0);
         let (count, at) = (*count, Micros(at));
-        shaft.edge(&HallEdge { count, steps: 1, direction, at, rising, bounce: false, uncertain: false });
+        shaft.edge(&HallEdge { count, steps: 1, way, at, rising, bounce: false, uncertain: false });
     }
 }
 
@@ -222,17 +222,17 @@ fn reversal_keeps_a_signed_state_and_bounce_is_undone() {
     feed(&mut shaft, &mut count, 1, (0..40).map(|k| k * 2000));
     let steady = shaft.at(Micros(79_000));
     let mut hit = shaft.clone();
-    let edge = |count, direction, at, bounce| HallEdge {
+    let edge = |count, way, at, bounce| HallEdge {
         count,
         steps: 1,
-        direction,
+        way,
         at: Micros(at),
         rising: true,
         bounce,
         uncertain: false,
     };
-    hit.edge(&edge(count + 1, Direction::Closing, 78_500, false));
-    hit.edge(&edge(count, Direction::Opening, 78_540, true));
+    hit.edge(&edge(count + 1, Way::Closing, 78_500, false));
+    hit.edge(&edge(count, Way::Opening, 78_540, true));
     assert_eq!(hit.at(Micros(79_000)), steady);
     // Thrown back with the same speed: across the same boundary 4 ms later.
     feed(&mut shaft, &mut count, -1, [82_000]);
@@ -292,10 +292,10 @@ proptest! {
         let (mut shaft, mut count, mut now) = (RecordedShaft::<18>::new(count), count, 0_u32);
         for (wait, steps, flags) in edges {
             now = now.wrapping_add(wait);
-            let direction = if flags & 12 == 0 { Direction::Opening } else { Direction::Closing };
-            count = count.wrapping_add(i32::from(direction.sign()) * i32::from(steps));
+            let way = Way::closing_if(flags & 12 != 0);
+            count = count.wrapping_add(way.along(i32::from(steps)));
             let (rising, bounce) = (flags & 1 == 1, flags & 15 == 2);
-            shaft.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce, uncertain: false });
+            shaft.edge(&HallEdge { count, steps, way, at: Micros(now), rising, bounce, uncertain: false });
             for model in &shaft.motion.models {
                 prop_assert!(model.velocity.0.abs() <= SPEED_MAX.0, "{model:?}");
                 prop_assert!(model.position_variance >= ZERO && model.velocity_variance >= ZERO, "{model:?}");

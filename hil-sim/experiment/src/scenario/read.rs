@@ -14,6 +14,7 @@ use crate::properties::{self, Property, PropertyError};
 use crate::toml_text::{self, Source};
 use hil_world::plant::{Model, ParamError, PlantParams};
 use hil_world::rig::{Object, Rig, RigParams, Side};
+use servo_core::way::Way;
 use traces::input::{self, BadInput};
 
 /// Size limit of a scenario file, bytes; the shipped ones have under 2 kB.
@@ -310,8 +311,8 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
         at.mode.as_ref().map(|mode| Command::Mode(mode.0)),
         at.torque.as_ref().map(|t| Command::Torque(Torque(t.0))),
         at.velocity.as_ref().map(|v| Command::Velocity(CountsPerSec::from_int(v.0))),
-        at.torque_close.as_ref().map(|_| Command::TorqueControlled { closing: true }),
-        at.torque_open.as_ref().map(|_| Command::TorqueControlled { closing: false }),
+        at.torque_close.as_ref().map(|_| Command::TorqueControlled { way: Way::Closing }),
+        at.torque_open.as_ref().map(|_| Command::TorqueControlled { way: Way::Opening }),
         at.home.as_ref().map(|_| Command::Home),
         at.terminate.as_ref().map(|_| Command::Terminate),
         at.clear_fault.as_ref().map(|_| Command::ClearFault),

@@ -41,22 +41,14 @@ fn standard_wiring_has_the_codes_of_decision_0003() {
 fn edge_has_count_direction_time_and_slope() {
     // STANDARD upwards: 2 → 6 rises, 6 → 4 falls.
     let mut d = HallDecoder::new(W, 2, 0);
-    let edge = |count, direction, at, rising| {
+    let edge = |count, way, at, rising| {
         let at = Micros(at);
-        Some(HallEvent::Step(HallEdge {
-            count,
-            steps: 1,
-            direction,
-            at,
-            rising,
-            bounce: false,
-            uncertain: false,
-        }))
+        Some(HallEvent::Step(HallEdge { count, steps: 1, way, at, rising, bounce: false, uncertain: false }))
     };
-    assert_eq!(d.sample(6, Micros(500)), edge(1, Direction::Closing, 500, true));
-    assert_eq!(d.sample(4, Micros(1500)), edge(2, Direction::Closing, 1500, false));
-    assert_eq!(d.sample(6, Micros(1700)), edge(1, Direction::Opening, 1700, true));
-    assert_eq!(d.sample(2, Micros(1900)), edge(0, Direction::Opening, 1900, false));
+    assert_eq!(d.sample(6, Micros(500)), edge(1, Way::Closing, 500, true));
+    assert_eq!(d.sample(4, Micros(1500)), edge(2, Way::Closing, 1500, false));
+    assert_eq!(d.sample(6, Micros(1700)), edge(1, Way::Opening, 1700, true));
+    assert_eq!(d.sample(2, Micros(1900)), edge(0, Way::Opening, 1900, false));
     assert_eq!(d.sample(2, Micros(2900)), None);
 }
 

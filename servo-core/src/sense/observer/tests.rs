@@ -1,7 +1,7 @@
 //! The equations of the module, against a rotor whose edges come exactly when they should.
 
 use super::*;
-use crate::sense::hall::Direction;
+use crate::way::Way;
 use proptest::prelude::*;
 
 /// One count/s.
@@ -19,8 +19,8 @@ fn resting(volts: i32) -> Push {
     Push::Volts { volts, resting: true }
 }
 
-fn edge(count: i32, direction: Direction, at: Micros) -> HallEdge {
-    HallEdge { count, steps: 1, direction, at, rising: false, bounce: false, uncertain: false }
+fn edge(count: i32, way: Way, at: Micros) -> HallEdge {
+    HallEdge { count, steps: 1, way, at, rising: false, bounce: false, uncertain: false }
 }
 
 /// An observer and the rotor that it observes.
@@ -69,9 +69,9 @@ impl Rig {
             loop {
                 let count = i64::from(self.observer.count());
                 let (direction, next, boundary) = if speed > 0 {
-                    (Direction::Closing, count + 1, self.above(count))
+                    (Way::Closing, count + 1, self.above(count))
                 } else {
-                    (Direction::Opening, count - 1, self.above(count - 1))
+                    (Way::Opening, count - 1, self.above(count - 1))
                 };
                 let ahead = (self.rotor - boundary) * i64::from(speed.signum());
                 if ahead < 0 {
@@ -247,8 +247,8 @@ fn corrected(velocity: i32, quiet_us: i32, ahead: i32, push: Push) -> (Observer,
     let m = &mut rig.observer.state;
     (m.velocity, m.quiet_us, m.moving_us, m.interval_us) = (velocity, quiet_us, LONGEST_US, LONGEST_US);
     (m.from, m.to, m.stuck, m.load) = (sign * COUNT / 2 + ahead, sign * COUNT / 2 + ahead, false, 0);
-    let direction = if sign > 0 { Direction::Closing } else { Direction::Opening };
-    rig.observer.edge(&edge(sign, direction, rig.now));
+    let way = Way::closing_if(sign > 0);
+    rig.observer.edge(&edge(sign, way, rig.now));
     let m = &rig.observer.state;
     let moved = m.to - (ahead - sign * COUNT / 2);
     let changes = [moved, m.velocity - velocity, m.load];
@@ -346,9 +346,9 @@ fn first_edge_after_a_rest_has_ten_ms_and_half_a_count_at_most() {
             let mut rig = Rig::new(&config(), 0);
             rig.observer.state.to = sign * at;
             rig.still(400, volts(0));
-            let direction = if sign > 0 { Direction::Closing } else { Direction::Opening };
+            let way = Way::closing_if(sign > 0);
             // In the middle of the tick.
-            rig.observer.edge(&edge(sign, direction, rig.now.wrapping_add(Micros(500))));
+            rig.observer.edge(&edge(sign, way, rig.now.wrapping_add(Micros(500))));
             let m = &rig.observer.state;
             assert_close(m.velocity * sign, speed / share, "velocity");
             assert_close(m.load * sign, (delta / share).min(250 << 16), "load");
@@ -364,7 +364,7 @@ fn first_edge_of_a_rotor_that_should_rest_shows_static_friction_as_a_load() {
     let moved = |push| {
         let mut rig = Rig::new(&config(), 0);
         rig.still(400, push);
-        rig.observer.edge(&edge(1, Direction::Closing, rig.now));
+        rig.observer.edge(&edge(1, Way::Closing, rig.now));
         rig.observer.state.load
     };
     assert_eq!(moved(resting(0)) - moved(volts(0)), 63 * ONE);
@@ -489,8 +489,8 @@ fn bounce_restores_the_state_before_its_edge() {
         rig.run(500, speed, volts(241 * sign));
         rig.still(1, volts(241 * sign));
         let before = rig.observer.state;
-        let directions = [Direction::Closing, Direction::Opening];
-        let [there, back] = if sign > 0 { directions } else { [Direction::Opening, Direction::Closing] };
+        let directions = [Way::Closing, Way::Opening];
+        let [there, back] = if sign > 0 { directions } else { [Way::Opening, Way::Closing] };
         let at = |us| rig.now.wrapping_add(Micros(us));
         let (first, second) = (at(300), at(350));
         rig.observer.edge(&edge(before.count + sign, there, first));
@@ -519,8 +519,8 @@ fn bounce_restores_the_gains_of_the_state_before_its_edge() {
         rig.run(200, steady(drive), volts(drive));
         rig.still(1, volts(drive));
         let (before, gains_before) = (rig.observer.state, derived(&rig.observer));
-        let directions = [Direction::Closing, Direction::Opening];
-        let [there, back] = if sign > 0 { directions } else { [Direction::Opening, Direction::Closing] };
+        let directions = [Way::Closing, Way::Opening];
+        let [there, back] = if sign > 0 { directions } else { [Way::Opening, Way::Closing] };
         let count = rig.observer.count();
         let [first, second] = [100, 150].map(|us| rig.now.wrapping_add(Micros(us)));
         rig.observer.edge(&edge(count + 2 * sign, there, first));
@@ -537,7 +537,7 @@ fn bounce_after_another_motor_was_described_restores_nothing_of_the_old_one() {
     rig.run(200, steady(900) / 2, volts(900));
     let other = Motor::new(&Config { mka: 2000, ..config() });
     rig.observer.set_motor(other);
-    let bounce = edge(rig.observer.count() - 1, Direction::Opening, rig.now.wrapping_add(Micros(150)));
+    let bounce = edge(rig.observer.count() - 1, Way::Opening, rig.now.wrapping_add(Micros(150)));
     rig.observer.edge(&HallEdge { bounce: true, ..bounce });
     assert_eq!(derived(&rig.observer), derived(&Observer::new(other, 0)));
 }
@@ -567,7 +567,7 @@ fn count_wraps_as_the_position_does() {
     for observer in [&mut here.observer, &mut wrapping] {
         observer.predict(volts(300));
         let next = observer.count().wrapping_add(1);
-        observer.edge(&edge(next, Direction::Closing, here.now.wrapping_add(Micros(500))));
+        observer.edge(&edge(next, Way::Closing, here.now.wrapping_add(Micros(500))));
     }
     assert_eq!(wrapping.count(), i32::MIN);
     assert_eq!(wrapping.velocity(), here.observer.velocity());
@@ -665,7 +665,7 @@ fn quiet_is_the_time_since_the_last_edge_up_to_300_ms() {
     let mut rig = Rig::new(&config(), 0);
     rig.still(1, volts(0));
     assert_eq!(rig.observer.quiet(), Micros(300_000));
-    rig.observer.edge(&edge(1, Direction::Closing, rig.now.wrapping_add(Micros(400))));
+    rig.observer.edge(&edge(1, Way::Closing, rig.now.wrapping_add(Micros(400))));
     rig.still(10, volts(0));
     assert_eq!(rig.observer.quiet(), Micros(9600));
     rig.still(300, volts(0));
@@ -698,10 +698,10 @@ fn any_input() -> impl Strategy<Value = Input> {
     prop_oneof![
         (any_push(), prop_oneof![1..5_u32, 1..400_u32]).prop_map(|(push, ms)| Input::Ticks(push, ms)),
         edges.prop_map(|(far, near, steps, closing, at, kind)| {
-            let direction = if closing { Direction::Closing } else { Direction::Opening };
+            let way = Way::closing_if(closing);
             let count = if kind & 1 == 0 { near } else { far };
             let steps = if kind & 2 == 0 { 1 } else { steps };
-            let edge = edge(count, direction, Micros(at));
+            let edge = edge(count, way, Micros(at));
             Input::Edge(HallEdge { steps, bounce: kind & 4 != 0, ..edge })
         }),
     ]
@@ -782,7 +782,7 @@ fn load_along_an_ended_motion_is_friction_at_most_as_much_as_the_motor_has() {
     {
         let mut observer = Observer::new(Motor::new(&config()), 0);
         observer.state.load = load << 16;
-        observer.end_motion(closing);
+        observer.end_motion(Way::closing_if(closing));
         assert_eq!(observer.load(), Law::from_num(left), "{closing} {load}");
     }
 }
@@ -809,9 +809,9 @@ fn edges_to_and_fro_at_rest_change_the_load_less_and_less() {
     for count in [1, 0, 1, 0] {
         rig.still(60, resting(0));
         let before = rig.observer.state.load;
-        let direction = if count == 1 { Direction::Closing } else { Direction::Opening };
+        let way = Way::closing_if(count == 1);
         rig.observer.state.velocity = 0;
-        rig.observer.edge(&edge(count, direction, rig.now));
+        rig.observer.edge(&edge(count, way, rig.now));
         let change = (rig.observer.state.load - before).abs();
         assert!(change < last && change > 0, "{change} after {last}");
         last = change;

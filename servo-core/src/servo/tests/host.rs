@@ -10,8 +10,8 @@ fn lost_host_ends_modes_2_and_4_of_a_host_only_and_forbids_nothing() {
         (Command::Mode(Mode::Pid), false),
         (Command::Mode(Mode::Trapezoidal), false),
         (Command::Move(100), false),
-        (Command::TorqueControlled { closing: true }, false),
-        (Command::TorqueControlled { closing: false }, false),
+        (Command::TorqueControlled { way: Way::Closing }, false),
+        (Command::TorqueControlled { way: Way::Opening }, false),
         (Command::Home, false),
     ];
     for joint in [Joint::Link, Joint::Spread, Joint::Tip] {
@@ -118,9 +118,9 @@ fn position_is_unknown_after_an_uncertain_step() {
     for uncertain in [false, true] {
         let mut servo = Servo::new(Joint::Tip.config(), 0);
         servo.trust_position();
-        let direction = Direction::Closing;
+        let way = Way::Closing;
         let step =
-            HallEdge { count: 2, steps: 2, direction, at: Micros(9), rising: true, bounce: false, uncertain };
+            HallEdge { count: 2, steps: 2, way, at: Micros(9), rising: true, bounce: false, uncertain };
         servo.hall(&HallEvent::Step(step));
         assert_eq!(servo.telemetry().homed, !uncertain);
     }

@@ -65,7 +65,7 @@ fn rows() -> [Row; 21] {
         of(starting(Goal::Torque(Torque(5))), Mode::Torque, false, true),
         of(starting(Goal::Position { at: None, pid }), Mode::Pid, false, false),
         of(starting(Goal::Velocity), Mode::Velocity, false, true),
-        of(starting(Goal::TorqueControlled { closing: true }), Mode::Velocity, true, false),
+        of(starting(Goal::TorqueControlled { way: Way::Closing }), Mode::Velocity, true, false),
         of(starting(Goal::Move { pid, holds: false }), Mode::Trapezoidal, true, false),
         of(starting(Goal::Find), Mode::Trapezoidal, true, false),
         of(starting(Goal::SeekStop), Mode::Velocity, true, false),
@@ -73,13 +73,13 @@ fn rows() -> [Row; 21] {
         of(Motion::Torque(Torque(5)), Mode::Torque, false, true),
         of(Motion::Position(at(0)), Mode::Pid, false, false),
         of(Motion::Velocity, Mode::Velocity, false, true),
-        of(Motion::TorqueControlled { closing: false }, Mode::Velocity, true, false),
-        of(Motion::Pressing { closing: true }, Mode::Velocity, false, false),
+        of(Motion::TorqueControlled { way: Way::Opening }, Mode::Velocity, true, false),
+        of(Motion::Pressing { way: Way::Closing }, Mode::Velocity, false, false),
         of(to_end(at(0)), Mode::Trapezoidal, true, false),
         of(Motion::Field(Torque(5)), Mode::Trapezoidal, true, false),
         of(home(Homing::Seek), Mode::Velocity, true, false),
-        of(home(Homing::Leave { closing: true }), Mode::Velocity, true, false),
-        of(home(Homing::Return { closing: true }), Mode::Velocity, true, false),
+        of(home(Homing::Leave { stop: Way::Closing }), Mode::Velocity, true, false),
+        of(home(Homing::Return { stop: Way::Closing }), Mode::Velocity, true, false),
         of(to_zero(at(0)), Mode::Trapezoidal, true, false),
         of(to_zero(moving(0, 5)), Mode::Trapezoidal, true, false),
     ]
@@ -140,38 +140,38 @@ fn motor_is_driven_where_its_motion_pushes() {
         (Motion::Idle, None),
         (starting(Goal::Velocity), None),
         (Motion::Field(Torque(5)), None),
-        (Motion::Torque(Torque(5)), Some(true)),
-        (Motion::Torque(Torque(-5)), Some(false)),
+        (Motion::Torque(Torque(5)), Some(Way::Closing)),
+        (Motion::Torque(Torque(-5)), Some(Way::Opening)),
         (Motion::Torque(Torque(0)), None),
-        (Motion::TorqueControlled { closing: true }, Some(true)),
-        (Motion::Pressing { closing: false }, Some(false)),
+        (Motion::TorqueControlled { way: Way::Closing }, Some(Way::Closing)),
+        (Motion::Pressing { way: Way::Opening }, Some(Way::Opening)),
         (Motion::Velocity, None),
         // A set-point a whole count ahead.
         (Motion::Position(short), None),
-        (Motion::Position(at(1)), Some(true)),
-        (Motion::Position(at(2)), Some(true)),
-        (Motion::Position(at(-2)), Some(false)),
-        (to_end(at(2)), Some(true)),
-        (to_zero(at(-2)), Some(false)),
+        (Motion::Position(at(1)), Some(Way::Closing)),
+        (Motion::Position(at(2)), Some(Way::Closing)),
+        (Motion::Position(at(-2)), Some(Way::Opening)),
+        (to_end(at(2)), Some(Way::Closing)),
+        (to_zero(at(-2)), Some(Way::Opening)),
         // IVEL of a spread is −200.
-        (home(Homing::Seek), Some(false)),
-        (home(Homing::Leave { closing: false }), Some(true)),
-        (home(Homing::Return { closing: false }), Some(false)),
-        (home(Homing::Leave { closing: true }), Some(false)),
-        (home(Homing::Return { closing: true }), Some(true)),
+        (home(Homing::Seek), Some(Way::Opening)),
+        (home(Homing::Leave { stop: Way::Opening }), Some(Way::Closing)),
+        (home(Homing::Return { stop: Way::Opening }), Some(Way::Opening)),
+        (home(Homing::Leave { stop: Way::Closing }), Some(Way::Opening)),
+        (home(Homing::Return { stop: Way::Closing }), Some(Way::Closing)),
     ] {
         assert_eq!(driven(motion, same), expected, "{motion:?}");
     }
-    assert_eq!(driven(home(Homing::Seek), opens), Some(true));
-    assert_eq!(driven(home(Homing::Leave { closing: true }), opens), Some(false));
+    assert_eq!(driven(home(Homing::Seek), opens), Some(Way::Closing));
+    assert_eq!(driven(home(Homing::Leave { stop: Way::Closing }), opens), Some(Way::Opening));
     // ACCEL 0 moves no set-point: by where the motion leads.
     let stuck: fn(Config) -> Config = |config| Config { accel: 0, ioff: 3, ..config };
     let stuck_back: fn(Config) -> Config = |config| Config { accel: 0, ioff: -3, ..config };
     let stuck_here: fn(Config) -> Config = |config| Config { accel: 0, ioff: 0, ..config };
-    assert_eq!(driven(to_end(at(0)), stuck), Some(true), "E is 7");
-    assert_eq!(driven(to_zero(at(0)), stuck), Some(true));
-    assert_eq!(driven(to_zero(at(0)), stuck_back), Some(false));
-    assert_eq!(driven(to_zero(at(0)), stuck_here), Some(false));
+    assert_eq!(driven(to_end(at(0)), stuck), Some(Way::Closing), "E is 7");
+    assert_eq!(driven(to_zero(at(0)), stuck), Some(Way::Closing));
+    assert_eq!(driven(to_zero(at(0)), stuck_back), Some(Way::Opening));
+    assert_eq!(driven(to_zero(at(0)), stuck_here), Some(Way::Opening));
 }
 
 /// The profile waits beyond six counts of lag towards its end.
@@ -339,8 +339,8 @@ fn motor_presses_at_a_limit_with_more_than_friction() {
 fn homing_seeks_with_ihit_and_leaves_with_mt() {
     for (motion, most) in [
         (home(Homing::Seek), 250),
-        (home(Homing::Return { closing: true }), 250),
-        (home(Homing::Leave { closing: true }), 750),
+        (home(Homing::Return { stop: Way::Closing }), 250),
+        (home(Homing::Leave { stop: Way::Closing }), 750),
         (Motion::Velocity, 750),
         (to_zero(at(0)), 750),
     ] {
@@ -369,12 +369,12 @@ fn velocity_goal_is_that_of_the_motion() {
         (Motion::Velocity, 33),
         (starting(Goal::Velocity), 33),
         (starting(Goal::Zero), 0),
-        (Motion::TorqueControlled { closing: true }, 900),
-        (Motion::Pressing { closing: false }, -800),
-        (starting(Goal::TorqueControlled { closing: false }), -800),
+        (Motion::TorqueControlled { way: Way::Closing }, 900),
+        (Motion::Pressing { way: Way::Opening }, -800),
+        (starting(Goal::TorqueControlled { way: Way::Opening }), -800),
         (home(Homing::Seek), -200),
         (starting(Goal::SeekStop), -200),
-        (home(Homing::Leave { closing: false }), 200),
+        (home(Homing::Leave { stop: Way::Opening }), 200),
         (Motion::Position(moving(0, 44)), 44),
         (to_end(moving(0, -44)), -44),
         (to_zero(moving(0, 44)), 44),
@@ -466,8 +466,8 @@ fn with(motion: Motion) -> Bench {
 }
 
 /// Ticks that the motor has been driven in one direction without a count.
-fn stalled_for(bench: &mut Bench, closing: bool, ms: usize) {
-    (0..ms).for_each(|_| _ = bench.servo.stall.drive(closing, 0));
+fn stalled_for(bench: &mut Bench, way: Way, ms: usize) {
+    (0..ms).for_each(|_| _ = bench.servo.stall.drive(way, 0));
 }
 
 /// The loop alone, with the friction of a motor at rest, MFS and 2 units more, and no load.
@@ -480,18 +480,18 @@ fn by_velocity_loop(bench: &Bench, goal: i16, velocity: CountsPerSec, most: Torq
 fn pressing_applies_all_torque_below_half_its_speed() {
     let most = Torque(400);
     let delta = CountsPerSec(Law::DELTA);
-    for (closing, goal) in [(true, 1000), (false, -1000)] {
+    for (way, goal) in [(Way::Closing, 1000), (Way::Opening, -1000)] {
         let half = CountsPerSec::from_int(goal / 2);
         let slower = CountsPerSec(half.0 - delta.0 * i32::from(goal.signum()));
-        let mut bench = with(Motion::Pressing { closing });
+        let mut bench = with(Motion::Pressing { way });
         bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
-        let all = if closing { most } else { most.saturating_neg() };
+        let all = if way.is_closing() { most } else { most.saturating_neg() };
         for (velocity, presses) in [(slower, true), (half, false), (CountsPerSec::from_int(goal), false)] {
             bench.servo.velocity = velocity;
             let by_loop = by_velocity_loop(&bench, goal, velocity, most);
             assert_ne!(by_loop, all);
             let torque = bench.servo.velocity_torque(most);
-            assert_eq!(torque, if presses { all } else { by_loop }, "{closing} {velocity:?}");
+            assert_eq!(torque, if presses { all } else { by_loop }, "{way:?} {velocity:?}");
         }
     }
 }
@@ -504,7 +504,7 @@ fn homing_applies_all_torque_once_it_has_stood_for_125_ms() {
             let mut bench = with(home(Homing::Seek));
             bench.servo.tuning.config.ivel = ivel;
             bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
-            stalled_for(&mut bench, closing, ms);
+            stalled_for(&mut bench, Way::closing_if(closing), ms);
             let by_loop = by_velocity_loop(&bench, ivel, CountsPerSec::ZERO, most);
             let pushing = if closing { most } else { most.saturating_neg() };
             let expected = if all && ivel != 0 { pushing } else { by_loop };
@@ -528,7 +528,7 @@ fn velocity_mode_rests_after_a_stall_before_it_presses_again() {
         (400, 0, 0, false),
     ] {
         let mut bench = with(Motion::Velocity);
-        stalled_for(&mut bench, true, ms);
+        stalled_for(&mut bench, Way::Closing, ms);
         bench.servo.velocity_wanted = CountsPerSec::from_int(wanted);
         bench.servo.applied.torque = Torque(applied);
         let torque = bench.servo.velocity_torque(most);
@@ -553,7 +553,7 @@ fn missing_count_of_mode_4_is_a_stall_at_a_limit_or_beyond_friction_at_speed() {
         bench.servo.velocity_wanted = CountsPerSec::from_int(wanted);
         bench.servo.applied.torque = Torque(torque);
         bench.servo.applied.limit = limit;
-        let expected = stalls.then_some(torque > 0);
+        let expected = stalls.then_some(Way::closing_if(torque > 0));
         assert_eq!(bench.servo.drives(400), expected, "V {wanted}, {torque} by {limit:?}");
     }
 }
@@ -614,7 +614,7 @@ fn motion_is_due_when_its_brake_is_free() {
     // HI begins once half of the stall time has passed at rest.
     for (ms, due) in [(199, true), (200, false)] {
         let mut bench = with(Motion::Starting { goal: Goal::SeekStop, brake_ms: 30 });
-        stalled_for(&mut bench, true, ms);
+        stalled_for(&mut bench, Way::Closing, ms);
         assert_eq!(bench.servo.is_due(), due, "{ms}");
         bench.servo.motion = Motion::Starting { goal: Goal::Velocity, brake_ms: 30 };
         assert!(bench.servo.is_due(), "{ms}");
@@ -624,24 +624,29 @@ fn motion_is_due_when_its_brake_is_free() {
 
 #[test]
 fn move_stalls_at_once_only_towards_what_it_stalled_at() {
-    for (stalled_closing, end, stalls) in
-        [(true, 5, true), (true, -5, false), (true, 0, false), (false, -5, true), (false, 5, false)]
-    {
+    use Way::{Closing, Opening};
+    for (way, end, stalls) in [
+        (Closing, 5, true),
+        (Closing, -5, false),
+        (Closing, 0, false),
+        (Opening, -5, true),
+        (Opening, 5, false),
+    ] {
         let mut bench = Bench::new(Joint::Tip);
-        stalled_for(&mut bench, stalled_closing, 300);
+        stalled_for(&mut bench, way, 300);
         bench.servo.end = end;
         bench.servo.start(Goal::Move { pid: PidState::default(), holds: false });
         let reason = bench.servo.telemetry().end;
-        assert_eq!(reason == Some(EndReason::Stalled), stalls, "{stalled_closing} {end}: {reason:?}");
+        assert_eq!(reason == Some(EndReason::Stalled), stalls, "{way:?} {end}: {reason:?}");
     }
 }
 
 #[test]
 fn velocity_takes_over_from_pressing_alone() {
     for (motion, takes) in [
-        (Motion::TorqueControlled { closing: true }, true),
-        (Motion::Pressing { closing: true }, true),
-        (starting(Goal::TorqueControlled { closing: true }), true),
+        (Motion::TorqueControlled { way: Way::Closing }, true),
+        (Motion::Pressing { way: Way::Closing }, true),
+        (starting(Goal::TorqueControlled { way: Way::Closing }), true),
         (home(Homing::Seek), false),
         (starting(Goal::SeekStop), false),
         (Motion::Idle, false),
@@ -728,19 +733,13 @@ fn hall_fault_counts_unless_find_looks_for_the_wiring() {
 }
 
 #[test]
-fn distance_towards_a_stop_has_its_sign() {
-    assert_eq!([towards(true, 5), towards(false, 5), towards(true, -3), towards(false, -3)], [5, -5, -3, 3]);
-    assert_eq!([-2, -1, 0, 1, 2].map(direction), [Some(false), Some(false), None, Some(true), Some(true)]);
-}
-
-#[test]
 fn strain_ends_torque_control_but_no_pressing() {
     let mut bench = Bench::new(Joint::Tip);
     let config = Config { hsg: 150, hold: true, ..*bench.servo.config() };
     bench.servo.command(Command::Configure(config)).unwrap();
     for (motion, ends) in [
-        (Motion::TorqueControlled { closing: true }, true),
-        (Motion::Pressing { closing: true }, false),
+        (Motion::TorqueControlled { way: Way::Closing }, true),
+        (Motion::Pressing { way: Way::Closing }, false),
         (Motion::Velocity, false),
     ] {
         bench.servo.motion = motion;

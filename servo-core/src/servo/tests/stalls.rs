@@ -94,7 +94,7 @@ fn starts() -> [Start; 7] {
             servo.command(Command::Velocity(CountsPerSec::from_int(600))).unwrap();
             servo.command(Command::Mode(Mode::Velocity)).unwrap();
         }),
-        ("TC", |servo| servo.command(Command::TorqueControlled { closing: true }).unwrap()),
+        ("TC", |servo| servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap()),
         ("HI", |servo| servo.command(Command::Home).unwrap()),
     ]
 }
@@ -169,15 +169,15 @@ fn motion_sent_again_right_after_a_stall_stalls_at_once() {
 fn count_or_other_direction_lets_a_stalled_motor_go_on() {
     for kind in KINDS {
         let mut bench = blocked(kind);
-        bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+        bench.servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap();
         while bench.servo.telemetry().mode != Mode::Idle {
             bench.tick();
         }
-        bench.servo.command(Command::TorqueControlled { closing: false }).unwrap();
+        bench.servo.command(Command::TorqueControlled { way: Way::Opening }).unwrap();
         let (_, other) = driven(&mut bench, 200, |_, _| ());
         assert!(other >= 150, "{kind:?}: the other way for {other} ms");
         bench.tick_to(-1);
-        bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+        bench.servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap();
         let (_, after) = driven(&mut bench, 200, |_, _| ());
         assert!(after >= 150, "{kind:?}: after a count for {after} ms");
     }
@@ -186,7 +186,8 @@ fn count_or_other_direction_lets_a_stalled_motor_go_on() {
 /// A stop throws a spread back before the next motion has released its brake.
 #[test]
 fn count_without_a_drive_lets_a_stalled_motor_go_on() {
-    let close = |bench: &mut Bench| bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    let close =
+        |bench: &mut Bench| bench.servo.command(Command::TorqueControlled { way: Way::Closing }).unwrap();
     for kind in KINDS {
         for brake_releases in [false, true] {
             let mut bench = blocked(kind);
@@ -209,8 +210,8 @@ fn count_without_a_drive_lets_a_stalled_motor_go_on() {
 fn homing_right_after_a_stall_rests_and_finds_its_stop() {
     for kind in KINDS {
         let mut bench = blocked(kind);
-        let closing = bench.servo.config().ivel > 0;
-        bench.servo.command(Command::TorqueControlled { closing }).unwrap();
+        let way = Way::closing_if(bench.servo.config().ivel > 0);
+        bench.servo.command(Command::TorqueControlled { way }).unwrap();
         while bench.servo.telemetry().mode != Mode::Idle {
             bench.tick();
         }
