@@ -8,6 +8,8 @@ use std::thread;
 use std::time::Duration;
 
 use served::{Cut, HANGS, Proxy, Served, firmware, tek};
+use tater_wire::memory::APPLICATION;
+use tater_wire::tek::{Encoder, end};
 use wraptor::{
     BoardState, Boards, Bus, Connect, DownloadProgress, Failure, Firmware, Hand, Node, Property, discover,
 };
@@ -71,6 +73,36 @@ fn damaged_file_is_refused_before_anything_is_sent() {
     ] {
         let error = Firmware::new(text).expect_err("damaged").to_string();
         assert!(error.contains(found) && error.contains("\n  next: "), "{error}");
+    }
+}
+
+/// Records of zeros at offsets from the application's first address, and a termination.
+fn records(pieces: &[(i64, usize)]) -> Vec<u8> {
+    let mut text = Vec::new();
+    for &(offset, len) in pieces {
+        let at = u32::try_from(i64::from(APPLICATION.start) + offset).expect("an address");
+        for line in Encoder::new(at, &vec![0; len]).into_iter().flatten() {
+            text.extend_from_slice(line.as_bytes());
+        }
+    }
+    text.extend_from_slice(end(APPLICATION.start).as_bytes());
+    text
+}
+
+#[test]
+fn records_at_wrong_addresses_are_named_by_their_addresses() {
+    let area = i64::from(APPLICATION.len);
+    let gap = "; no record brings 0x08004020 to 0x0800405f";
+    for (pieces, found) in [
+        (&[(-64, 32)][..], "found addresses 0x08003fc0 to 0x08003fdf, expected 0x08004000 to 0x08010fff"),
+        (&[(0, 512), (area - 16, 32)], "found addresses 0x08010ff0 to 0x0801100f"),
+        (&[(64, 32), (32, 32)], "found address 0x08004020, expected 0x08004060 or above"),
+        (&[(0, 64), (63, 32)], "found address 0x0800403f, expected 0x08004040 or above"),
+        (&[(0, 32), (96, 512)], gap),
+    ] {
+        let error = Firmware::new(records(pieces)).expect_err("no image").to_string();
+        assert!(error.contains(found), "{pieces:?}: {error}");
+        assert_eq!(error.contains("no record brings"), found == gap, "{error}");
     }
 }
 
