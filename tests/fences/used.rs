@@ -34,10 +34,12 @@ fn items(tokens: &[Token]) -> Vec<Item> {
                 let open = (at..tokens.len()).find(|&i| tokens[i].text == "{").unwrap_or(tokens.len());
                 let is_of_trait = text == "trait" || tokens[at..open].iter().any(|token| token.text == "for");
                 at = if is_of_trait { item_end(tokens, at) + 1 } else { open + 1 };
+                (is_pub, is_entry) = (false, false);
                 continue;
             }
             "macro_rules" => {
                 at = item_end(tokens, at) + 1;
+                (is_pub, is_entry) = (false, false);
                 continue;
             }
             "#" if reads(tokens, at + 1, &["["]) => {
@@ -150,4 +152,6 @@ fn use_fence_finds_each_violation() {
     let own = ("commission/src/lib.rs", "pub mod a;\npub(crate) fn b() { a() }");
     assert_eq!(found(&[own]), ["commission/src/lib.rs:1: no other crate uses a: make it pub(crate)"]);
     assert_eq!(found(&[own, ("hil-sim/tests/b.rs", "use commission::a;")]), Vec::<String>::new());
+    let private = ("commission/src/lib.rs", "pub trait T {}\nconst A: u8 = 1;\nfn b() { A; b() }");
+    assert_eq!(found(&[private]), Vec::<String>::new());
 }
