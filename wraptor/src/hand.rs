@@ -379,7 +379,7 @@ impl Hand {
 
     /// Receives reports until the deadline.
     fn rest(&mut self, deadline: &Deadline) -> Result<(), Failure> {
-        while self.session.receive(deadline)? {}
+        while self.session.receive(deadline)? && !deadline.is_over() {}
         Ok(())
     }
 

@@ -196,7 +196,7 @@ impl Session {
             if let Some(frame) = self.frames.pop_front() {
                 return Ok(Some(frame));
             }
-            if !self.receive(deadline)? {
+            if deadline.is_over() || !self.receive(deadline)? {
                 return Ok(None);
             }
         }

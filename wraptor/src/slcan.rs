@@ -196,7 +196,8 @@ impl Slcan {
             self.write(&line::format(&stat, None), deadline)
                 .map_err(|error| Cause::AdapterGone(error.to_string()))?;
             let probe = deadline.within(wait);
-            while self.frames.is_empty() && self.next(&probe).map_err(of_opening)? {
+            // What floods has a byte after the deadline too.
+            while self.frames.is_empty() && !probe.is_over() && self.next(&probe).map_err(of_opening)? {
                 while let Some(said) = self.said.pop_front() {
                     self.take(said);
                 }
@@ -268,7 +269,7 @@ impl Slcan {
             self.write(command, deadline)?;
             let wait = deadline.within(REOPEN);
             let mut is_answered = false;
-            while !is_answered && self.next(&wait)? {
+            while !is_answered && !wait.is_over() && self.next(&wait)? {
                 while let Some(said) = self.said.pop_front() {
                     is_answered |= matches!(said, Said::Done | Said::Refused);
                     self.take(said);

@@ -153,7 +153,7 @@ fn require_right_to_send(adapter: &mut Adapter, deadline: &Deadline) -> Result<(
     adapter.send(&question, deadline).map_err(gone)?;
     // Others may talk on the bus meanwhile.
     let answered = deadline.within(REFUSED);
-    while adapter.receive(&answered).map_err(gone)?.is_some() {}
+    while adapter.receive(&answered).map_err(gone)?.is_some() && !answered.is_over() {}
     match adapter.set_refused(false) {
         true => Err(Cause::InUse("the adapter refuses frames, because the bus has another host".to_owned())),
         false => Ok(()),
