@@ -2,7 +2,7 @@
 //! at each millisecond (docs/torture.md).
 //!
 //! A run has two phases. In the first, hosts do what the seed draws while faults come and go; every invariant must hold. Then
-//! all faults heal, and the hand must home and move within [`recovery::RECOVERY_MS`]. The same seed gives the same run; a
+//! all faults heal, and the hand must home and move within `recovery::RECOVERY_MS`. The same seed gives the same run; a
 //! failing one is shrunk to the steps and faults that it needs.
 #![forbid(unsafe_code)]
 

@@ -12,7 +12,7 @@
 //! back. K, B and F are MKE, MKA and MFC.
 //!
 //! The servo is not linear: halls of whole counts, friction, limits, a profile and gains of a resting set-point. What is measured is the
-//! best linear approximation for this amplitude ([`multisine`](super::multisine)).
+//! best linear approximation for this amplitude (`multisine.rs`).
 
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;

@@ -97,11 +97,11 @@ pub struct View<'a> {
     pub answer: Option<&'a dyn Fn(Property) -> Option<i64>>,
     /// What the board has done since the last tick, oldest first.
     pub seen: &'a [Seen],
-    /// Faults of this motor or of the hand that are active or ended within [`AFTERMATH_MS`].
+    /// Faults of this motor or of the hand that are active or ended within `AFTERMATH_MS`.
     pub faults: Kinds,
     /// The faults that are active now.
     pub active: Kinds,
-    /// Faults of any motor that are active or ended within [`AFTERMATH_MS`].
+    /// Faults of any motor that are active or ended within `AFTERMATH_MS`.
     pub anywhere: Kinds,
 }
 

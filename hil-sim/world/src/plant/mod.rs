@@ -293,7 +293,7 @@ impl Plant {
         to
     }
 
-    /// Advances to `to_us`, at most as far as [`Plant::step_to`] allows, with the bridge unchanged and the
+    /// Advances to `to_us`, at most as far as `step_to` allows, with the bridge unchanged and the
     /// brake's friction torque `brake` in N·m.
     pub fn step(&mut self, bridge: Bridge, brake: f64, to_us: u64) {
         let s = &mut self.state;
