@@ -1,23 +1,16 @@
 //! Speed of the plant alone: simulated seconds per wall second, open loop, both models.
 use hil_world::plant::{Heat, Model, PlantParams, Start};
 use hil_world::rig::{Rig, RigParams};
-use servo_core::sense::commutation::{Bridge, Leg};
+use servo_core::sense::commutation::Bridge;
 use servo_core::units::Duty;
 use std::time::Instant;
 use tater_wire::MotorKind;
 
-/// The legs that drive a hall code's sector in the closing direction (decision 0003).
+#[path = "../world/tests/plant/six_step.rs"]
+mod six_step;
+
 fn bridge(code: u8, bits: i16) -> Bridge {
-    use Leg::{Float, Low, Pwm};
-    let legs = match code {
-        2 => [Pwm, Low, Float],
-        6 => [Pwm, Float, Low],
-        4 => [Float, Pwm, Low],
-        5 => [Low, Pwm, Float],
-        1 => [Low, Float, Pwm],
-        _ => [Float, Low, Pwm],
-    };
-    Bridge::On { legs, duty: Duty(fixed(bits)) }
+    Bridge::On { legs: six_step::legs(code, true), duty: Duty(fixed(bits)) }
 }
 
 fn fixed(bits: i16) -> fixed::types::I1F15 {

@@ -14,29 +14,13 @@ mod accepted;
 mod board;
 mod contacts;
 mod effects;
+mod six_step;
 
 const MODELS: [Model; 2] = [Model::Averaged, Model::Switched];
 
 /// The legs that drive a hall code's sector forwards or backwards at a duty of −1 < `duty` < 1.
 fn drive(code: u8, duty: f64) -> Bridge {
-    use Leg::{Float, Low, Pwm};
-    let mut legs = match code {
-        2 => [Pwm, Low, Float],
-        6 => [Pwm, Float, Low],
-        4 => [Float, Pwm, Low],
-        5 => [Low, Pwm, Float],
-        1 => [Low, Float, Pwm],
-        3 => [Float, Low, Pwm],
-        _ => [Float; 3],
-    };
-    if duty < 0.0 {
-        legs = legs.map(|leg| match leg {
-            Pwm => Low,
-            Low => Pwm,
-            Float => Float,
-        });
-    }
-    Bridge::On { legs, duty: Duty(I1F15::saturating_from_num(duty.abs())) }
+    Bridge::On { legs: six_step::legs(code, duty >= 0.0), duty: Duty(I1F15::saturating_from_num(duty.abs())) }
 }
 
 fn at(count: f64, counts_per_s: f64) -> Start {

@@ -7,6 +7,8 @@ mod boards;
 mod hands;
 mod lines;
 mod motors;
+#[path = "../plant/six_step.rs"]
+mod six_step;
 
 use lines::Record;
 

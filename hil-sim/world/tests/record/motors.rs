@@ -1,6 +1,7 @@
 //! One motor without a board: its bridge driven open loop, and everything done to it that a rig allows.
 
 use crate::Record;
+use crate::six_step::legs;
 use hil_world::hand::person;
 use hil_world::plant::{Contact, Heat, Model, PlantParams, RAD_PER_COUNT, SharedSupply, Start, Supply};
 use hil_world::rig::{
@@ -40,20 +41,9 @@ fn rig(kind: MotorKind, model: Model, sensors: RigParams, objects: &[Object]) ->
     Rig::new(plant, sensors, objects, model, start, 3).expect("in range")
 }
 
-/// The legs of six-step commutation at a hall code, forwards or backwards.
+/// Six-step commutation at a hall code, closing or, with a negative compare value, opening.
 fn six_step(code: u8, compare: i32) -> Bridge {
-    use Leg::{Float, Low, Pwm};
-    let (high, low) = if compare < 0 { (Low, Pwm) } else { (Pwm, Low) };
-    let legs = match code {
-        2 => [high, low, Float],
-        6 => [high, Float, low],
-        4 => [Float, high, low],
-        5 => [low, high, Float],
-        1 => [low, Float, high],
-        3 => [Float, low, high],
-        _ => [Float; 3],
-    };
-    Bridge::On { legs, duty: duty(compare.unsigned_abs(), 1800) }
+    Bridge::On { legs: legs(code, compare >= 0), duty: duty(compare.unsigned_abs(), 1800) }
 }
 
 /// Drives for `ms` as `bridge` says at each hall code, and notes what is seen every [`LINE_MS`].
