@@ -11,6 +11,8 @@ use hil_experiment::scenario::Scenario;
 use hil_torture::kinds::ROWS;
 use hil_world::plant::Model;
 use serde_json::Value;
+use servo_core::Motor;
+use servo_core::guard::direction::Starts;
 use tater_wire::MotorKind;
 use tater_wire::memory::{APPLICATION, Area, MONITOR};
 
@@ -151,7 +153,9 @@ use Figure::{AtMost, Near};
 #[test]
 fn documents_have_the_limits_of_the_direction_guard() {
     let of = |name| Near(constant("servo-core/src/guard/direction.rs", name));
-    let [start, most, loose, wedged] = ["START", "MOST", "LOOSE", "WEDGED"].map(of);
+    let starts = Starts::new(&Motor::HAND);
+    let [start, most] = [starts.start, starts.most].map(|torque| Near(f64::from(torque.0)));
+    let [loose, wedged] = [starts.loose, starts.wedged].map(|units| Near(f64::from(units)));
     let (right, rate, patience) = (of("RIGHT"), of("WEDGED_RATE"), of("PATIENCE_MS"));
     let page = "docs/safety.md";
     claim(page, "Its torque is at most {} of 1024 until it has turned six counts", &[wedged]);

@@ -11,7 +11,8 @@ use hil_world::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
 use hil_world::rig::{Rig, RigParams};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use servo_core::guard::limits::{LastTick, TorqueLimiter};
+use servo_core::guard::limits::{LastTick, Scale, TorqueLimiter};
+use servo_core::motor::{BoardFigures, Motor};
 use servo_core::units::{MilliVolts, Torque};
 use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Property};
@@ -127,11 +128,12 @@ const ROUNDED_BITS: f64 = 4.0;
 #[test]
 fn duty_law_of_the_host_is_the_boards() {
     let full = Torque(990);
+    let scale = Scale::new(&Motor::HAND, &BoardFigures::TATER);
     for bus_mv in (8_000..=30_000).step_by(500) {
         for (emf, torque) in (-600..=600).step_by(40).flat_map(|emf| (-990..=990).map(move |of| (emf, of))) {
             let bus = MilliVolts(bus_mv);
-            let envelope = TorqueLimiter::default().envelope(full, full, emf, bus, &LastTick::OFF);
-            let board = envelope.bound(Torque(torque), Torque(torque));
+            let envelope = TorqueLimiter::default().envelope(&scale, (full, full), emf, bus, &LastTick::OFF);
+            let board = envelope.bound(&scale, Torque(torque), Torque(torque));
             let bits = f64::from(board.duty.0.to_bits());
             let host = [-ROUNDED_TORQUE, ROUNDED_TORQUE].map(|more| {
                 let torque = f64::from(board.torque.0) + more;

@@ -16,6 +16,7 @@ mod host;
 mod identify;
 mod loops;
 mod metal;
+mod motors;
 mod over_can;
 mod power_cuts;
 mod profile;

@@ -34,8 +34,16 @@ const SLOW: f64 = 100.0;
 /// LOCK's sequence.
 const KEYS: [i64; 5] = [18384, 23, 3145, 1024, 1];
 
-/// Not set here: a host that states a wrong wiring or direction moves a motor that runs the other way, and its zero is elsewhere.
-const STATED: [&str; 2] = ["WIRING", "FIND"];
+/// Not set here: a host that states a wrong wiring or direction moves a motor that runs the other way, and its zero is elsewhere; one that
+/// describes another motor or joint gets what suits that.
+const STATED: [&str; 15] = [
+    "WIRING", "FIND", "POLES", "MR", "MPK", "MKT", "MJ", "ML", "MVN", "MWX", "MWJ", "MWR", "JLO", "JHI",
+    "KBW",
+];
+
+/// What the hand's motor may be taken for; beyond, it is another one.
+const MODEL: [(&str, i64, i64); 5] =
+    [("MKA", 400, 5000), ("MKE", 1600, 5000), ("MFC", 0, 100), ("MFS", 0, 130), ("MTE", 0, 1000)];
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Figures {
@@ -155,6 +163,9 @@ impl Run {
     /// A value of a property: an extreme, a small one, any, or one beyond its range.
     fn value(&mut self, property: Property) -> i64 {
         let (min, max) = (property.row().min, property.row().max);
+        if let Some((_, min, max)) = MODEL.iter().find(|(name, ..)| *name == property.row().name) {
+            return self.rng.random_range(*min..=*max);
+        }
         match self.rng.random_range(0..8) {
             0 => min,
             1 => max,
@@ -177,7 +188,10 @@ impl Run {
         let bytes: [u8; 8] = self.rng.random();
         let number = bytes[0] & 0x7F;
         let left_out = number == Property::P.id()
-            || Property::of(number).is_some_and(|property| STATED.contains(&property.row().name));
+            || Property::of(number).is_some_and(|property| {
+                let name = property.row().name;
+                STATED.contains(&name) || MODEL.iter().any(|(of, ..)| *of == name)
+            });
         if !left_out && let Some(frame) = Frame::new(id, &bytes[..len]) {
             let _ = self.bench.node.receive(&frame);
         }

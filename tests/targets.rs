@@ -5,7 +5,7 @@
 
 mod figures;
 mod moves;
-mod optimum;
+pub mod optimum;
 mod picture;
 mod rig;
 

@@ -126,7 +126,7 @@ fn bystander(scenario: &Scenario, node: u8) -> Case {
             }
         }
     }
-    Case { motor, plant: PlantParams::for_motor(motor), config }
+    Case { motor, plant: PlantParams::for_motor(motor), config, range: None }
 }
 
 /// Writes the application to a board's flash, as a debug probe does.

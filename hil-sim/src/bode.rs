@@ -7,8 +7,8 @@ use clap::{ValueEnum, value_parser};
 use num_complex::Complex64;
 use serde_json::{Map, Value};
 
-use super::figures::Figures;
-use super::identify::MotorName;
+use super::figures::{Figures, MotorArg};
+
 use super::margins;
 use super::open;
 use super::output::{print, write_folder};
@@ -16,6 +16,7 @@ use hil_tuning::bode::{Loop, Setup, measure, page, scenario};
 use hil_tuning::response::{FEWEST, Margins, Point, Response};
 use hil_tuning::spectrum;
 use programs::output::warn;
+use tater_wire::MotorKind;
 use traces::input::BadInput;
 use traces::names::{MOTOR, clock_unit};
 use traces::numbers::Numbers;
@@ -32,9 +33,10 @@ const MOST_LIMITED: f64 = 0.05;
 /// The arguments of `hil-sim bode`.
 #[derive(clap::Args)]
 pub struct BodeArgs {
-    /// The motor; default: link. Of a recording with several the one to take.
-    #[arg(long, value_enum)]
-    motor: Option<MotorName>,
+    /// The motor: link, spread or tip, or a file that describes another (docs/motor.md); default: link. Of a recording with several the one to
+    /// take.
+    #[arg(long, value_name = "MOTOR")]
+    motor: Option<MotorArg>,
     /// The loop: position (mode 3) or velocity (mode 4).
     #[arg(long, value_enum, default_value_t = LoopName::Velocity)]
     mode: LoopName,
@@ -189,17 +191,19 @@ fn show(
 }
 
 fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
-    let motor = args.motor.unwrap_or(MotorName::Link).kind();
+    let (motor, motor_file) = args.motor.as_ref().map_or(Ok((MotorKind::Link, None)), MotorArg::read)?;
+    let figures = Figures { motor_file, ..args.figures.clone() };
     let of = match args.mode {
         LoopName::Position => Loop::Position,
         LoopName::Velocity => Loop::Velocity,
     };
     let mode = of.name();
     let mut scenario = scenario(motor)?;
+    figures.take_motor(&mut scenario)?;
     for assignment in &args.set {
         scenario.set(assignment)?;
     }
-    args.figures.apply(&mut scenario)?;
+    figures.apply(&mut scenario)?;
     let amplitude = args.amplitude.unwrap_or_else(|| of.amplitude());
     let setup = Setup { of, amplitude, realizations: args.realizations, seed: args.seed };
     let measured = measure(&scenario, &setup)?;
@@ -300,7 +304,8 @@ fn column(table: &Numbers, name: &str) -> Result<usize, BadInput> {
 /// The rows of a recording that count: those of one motor with a number in each of the needed columns.
 fn rows(args: &BodeArgs, table: &Numbers, needed: &[usize]) -> Result<Vec<usize>, BadInput> {
     let motor = table.find(&[MOTOR]);
-    let node = args.motor.map(|motor| f64::from(motor.kind().first_node()));
+    let kind = args.motor.as_ref().map(MotorArg::read).transpose()?;
+    let node = kind.map(|(kind, _)| f64::from(kind.first_node()));
     let (mut rows, mut only, mut empty) = (Vec::new(), node, 0);
     for row in 0..table.len() {
         if let Some(column) = motor {

@@ -31,6 +31,7 @@ use super::tune::{self, TuneArgs};
 use super::worker;
 use hil_experiment::events::{self, Event};
 use hil_experiment::folder;
+use hil_experiment::motor_file::MotorFile;
 use hil_experiment::replay::{Replayed, Tally, replay};
 use hil_experiment::report;
 use hil_experiment::run::{Options, Outcome, run as simulate};
@@ -130,6 +131,9 @@ struct RunArgs {
     /// Set a property of the servo, such as KP=120; repeatable.
     #[arg(long, value_name = "PROPERTY=VALUE")]
     set: Vec<String>,
+    /// A motor that a file describes, in the place of the scenario's (docs/motor.md).
+    #[arg(long, value_name = "FILE")]
+    motor: Option<PathBuf>,
     #[command(flatten)]
     figures: Figures,
     /// Write trace.csv, run.json and report.html into this folder.
@@ -189,7 +193,7 @@ pub fn execute(line: impl IntoIterator<Item: Into<OsString> + Clone>, clock: Clo
         Task::Margins(args) => margins::margins(&args),
         Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
         Task::Log(args) => log::log(&args, clock).map(|()| true),
-        Task::Tune(args) => tune::tune(&args, clock),
+        Task::Tune(mut args) => tune::tune(&mut args, clock),
         Task::Export(args) => export::export(&args).map(|()| true),
         Task::Apply(args) => apply::apply(&args, clock),
         Task::Sweep(args) => sweep::sweep(&args, clock),
@@ -241,6 +245,9 @@ fn figures() -> String {
 
 fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let mut scenario = Scenario::find(&args.scenario)?;
+    if let Some(path) = &args.motor {
+        scenario.take_motor(&MotorFile::read(path)?)?;
+    }
     for assignment in &args.set {
         scenario.set(assignment)?;
     }

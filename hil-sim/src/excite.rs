@@ -4,14 +4,15 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use tater_wire::Node as Id;
+use tater_wire::{MotorKind, Node as Id};
 
 use super::convert;
-use super::figures::Figures;
-use super::identify::MotorName;
+use super::figures::{Figures, MotorArg};
 use super::output::{check_file, print};
 use super::simulated::Simulated;
 use commission::adapter::Adapter;
+use hil_experiment::motor_file::MotorFile;
+
 use commission::excite::{Failure, Link, csv, excite as run};
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
@@ -22,9 +23,9 @@ use traces::input::BadInput;
 
 #[derive(clap::Args)]
 pub struct ExciteArgs {
-    /// A simulated board of this motor.
-    #[arg(long, value_enum, required_unless_present_any = ["slcan", "can"], conflicts_with_all = ["slcan", "can"])]
-    motor: Option<MotorName>,
+    /// A simulated board of this motor: link, spread or tip, or a file that describes another (docs/motor.md).
+    #[arg(long, value_name = "MOTOR", required_unless_present_any = ["slcan", "can"], conflicts_with_all = ["slcan", "can"])]
+    motor: Option<MotorArg>,
     #[command(flatten)]
     figures: Figures,
     /// Seed of the simulated noise.
@@ -50,13 +51,15 @@ pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, B
     interrupt::finish_first();
     check_file(&args.out)?;
     let format = Format::of(&args.out)?;
-    let motor = args.motor.unwrap_or(MotorName::Link);
     let (mut link, node): (Box<dyn Link>, Id) = match args.node {
         Some(node) => {
             let adapter = Adapter::named(args.slcan.as_deref(), args.can.as_deref())?;
             (adapter.open(clock, &interrupt::interrupted)?, id(Some(node)))
         }
-        None => (Box::new(simulated(args, motor)?), id(Some(motor.kind().first_node()))),
+        None => {
+            let (kind, file) = args.motor.as_ref().map_or(Ok((MotorKind::Link, None)), MotorArg::read)?;
+            (Box::new(simulated(args, kind, file)?), id(Some(kind.first_node())))
+        }
     };
     let done = run(link.as_mut(), node, &mut |step| warn(&format!("node {}: {step}", node.number())));
     let recorded = match done {
@@ -73,7 +76,15 @@ fn id(node: Option<u8>) -> Id {
     node.and_then(Id::new).unwrap_or(Id::HOST)
 }
 
-fn simulated(args: &ExciteArgs, motor: MotorName) -> Result<Simulated, BadInput> {
-    let rig = args.figures.motor(motor.kind(), 60.0, args.seed)?;
-    Ok(Simulated::new(Node::awake(SimBoard::new(rig, id(Some(motor.kind().first_node()))))))
+fn simulated(
+    args: &ExciteArgs,
+    kind: MotorKind,
+    motor_file: Option<MotorFile>,
+) -> Result<Simulated, BadInput> {
+    let figures = Figures { motor_file, ..args.figures.clone() };
+    let mut board = SimBoard::new(figures.motor(kind, 60.0, args.seed)?, id(Some(kind.first_node())));
+    if let Some(file) = &figures.motor_file {
+        file.store(kind, &mut board);
+    }
+    Ok(Simulated::new(Node::awake(board)))
 }

@@ -8,10 +8,11 @@ use clap::{ValueEnum, value_parser};
 use serde_json::{Value, json};
 use tater_wire::MotorKind;
 
-use super::figures::Figures;
+use super::figures::{Figures, MotorArg};
 use super::output::{COMMIT, check_folder, print, quoted, write_folder};
 use super::tune_report::{self, Drawn};
 use hil_experiment::metrics;
+use hil_experiment::motor_file::MotorFile;
 use hil_experiment::properties::{self, Property};
 use hil_experiment::scenario::{SHIPPED, Scenario};
 use hil_tuning::bode;
@@ -38,8 +39,8 @@ type Clock<'a> = &'a dyn Fn() -> Duration;
 /// The arguments of `hil-sim tune`.
 #[derive(clap::Args)]
 pub struct TuneArgs {
-    /// The motor.
-    #[arg(long, value_enum)]
+    /// The motor: link, spread, tip or all, or a file that describes another (docs/motor.md).
+    #[arg(long, value_name = "MOTOR")]
     motor: Motors,
     /// What the gains are for.
     #[arg(long, value_enum)]
@@ -81,21 +82,26 @@ pub struct TuneArgs {
     json: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Debug)]
 enum Motors {
-    Link,
-    Spread,
-    Tip,
+    One(MotorArg),
     All,
 }
 
+impl std::str::FromStr for Motors {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "all" { Ok(Self::All) } else { text.parse().map(Self::One) }
+    }
+}
+
 impl Motors {
-    fn kinds(self) -> Vec<MotorKind> {
+    /// The kinds, and the file if there is one.
+    fn read(&self) -> Result<(Vec<MotorKind>, Option<MotorFile>), BadInput> {
         match self {
-            Self::Link => vec![MotorKind::Link],
-            Self::Spread => vec![MotorKind::Spread],
-            Self::Tip => vec![MotorKind::Tip],
-            Self::All => vec![MotorKind::Link, MotorKind::Spread, MotorKind::Tip],
+            Self::One(motor) => motor.read().map(|(kind, file)| (vec![kind], file)),
+            Self::All => Ok((vec![MotorKind::Link, MotorKind::Spread, MotorKind::Tip], None)),
         }
     }
 }
@@ -183,8 +189,11 @@ impl Tuned {
 ///
 /// # Errors
 /// Bad arguments; no candidate that keeps the limits; files that cannot be written.
-pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
+pub fn tune(args: &mut TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     interrupt::finish_first();
+    let (kinds, motor_file) = args.motor.read()?;
+    args.figures.motor_file = motor_file;
+    let args = &*args;
     let pareto = pareto(args)?;
     args.out.as_deref().map_or(Ok(()), check_folder)?;
     let jobs = args.jobs.map_or(0, |jobs| jobs as usize);
@@ -195,7 +204,7 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
             .next("give a smaller number")
     })?;
     let mut all = Vec::new();
-    for kind in args.motor.kinds() {
+    for kind in kinds {
         let (settings, first_unseen) = settings(args, kind)?;
         let kept = kept(args, &settings);
         let mut found = search(args, &settings, &pool, clock).map_err(|broken| hopeless(kind, &broken))?;
@@ -284,6 +293,7 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
     for objective in args.objective.objectives() {
         let mut goal = Goal::new(objective, kind)?;
         let scenario = &mut goal.scenario;
+        args.figures.take_motor(scenario)?;
         for assignment in &args.set {
             scenario.set(assignment)?;
         }
@@ -292,6 +302,7 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
         goals.push(goal);
     }
     let mut bench = bode::scenario(kind)?;
+    args.figures.take_motor(&mut bench)?;
     for assignment in &args.set {
         bench.set(assignment)?;
     }
@@ -340,6 +351,7 @@ fn shipped(args: &TuneArgs, kind: MotorKind) -> Result<Vec<Scenario>, BadInput> 
         let is_of = matches!(scenario.cases.as_slice(), [case] if case.motor == kind);
         // Figures that do not fit one, such as a stiction below its friction, leave it out.
         let fits = |scenario: &mut Scenario| {
+            args.figures.take_motor(scenario)?;
             args.set.iter().try_for_each(|assignment| scenario.set(assignment))?;
             args.figures.apply(scenario)
         };
@@ -440,8 +452,8 @@ fn search(
 fn reproduce(args: &TuneArgs, kind: MotorKind, candidates: usize) -> String {
     let objective = args.objective.to_possible_value();
     let mut line = format!(
-        "hil-sim tune --motor {} --objective {} --robust {} --candidates {candidates} --unseen {} --seed {}",
-        kind.name(),
+        "hil-sim tune{} --objective {} --robust {} --candidates {candidates} --unseen {} --seed {}",
+        if args.figures.motor_file.is_some() { String::new() } else { format!(" --motor {}", kind.name()) },
         objective.as_ref().map_or("", |value| value.get_name()),
         args.robust,
         args.unseen,

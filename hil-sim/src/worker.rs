@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::io::{self, BufRead, ErrorKind, Read, Write};
+use std::path::PathBuf;
 
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::figures::Figures;
 use super::output::COMMIT;
+use hil_experiment::motor_file::MotorFile;
 use hil_experiment::report::json_value_of;
 use hil_experiment::run::{Options, run};
 use hil_experiment::scenario::Scenario;
@@ -27,6 +29,8 @@ struct Job {
     scenario: Option<String>,
     /// The text of a scenario.
     toml: Option<String>,
+    /// The file of a motor, in the place of the scenario's.
+    motor: Option<PathBuf>,
     #[serde(default)]
     set: Overrides,
     #[serde(default)]
@@ -157,7 +161,7 @@ fn answer(line: &[u8], number: u64) -> Value {
             let id = serde_json::from_slice::<Value>(line).ok().and_then(|job| job.get("id").cloned());
             let bad = BadInput::new(format!("standard input:{number}"), e.to_string())
                 .found(shorten(&String::from_utf8_lossy(line)))
-                .expected("a JSON object with scenario or toml, and set, plant, rig, supply, seed, model, id")
+                .expected("a JSON object with scenario or toml, and motor, set, plant, rig, supply, seed, model, id")
                 .next("see docs/sweep.md");
             return refusal(&id.unwrap_or_default(), &bad);
         }
@@ -198,6 +202,9 @@ fn result(job: &Job) -> Result<(bool, Value), BadInput> {
                 .next("give one of the two"));
         }
     };
+    if let Some(path) = &job.motor {
+        scenario.take_motor(&MotorFile::read(path)?)?;
+    }
     for assignment in job.set.assignments() {
         scenario.set(&assignment)?;
     }
@@ -205,6 +212,7 @@ fn result(job: &Job) -> Result<(bool, Value), BadInput> {
         plant: job.plant.assignments(),
         rig: job.rig.assignments(),
         supply: job.supply.assignments(),
+        motor_file: None,
     };
     figures.apply(&mut scenario)?;
     let model = match job.model {

@@ -3,6 +3,7 @@
 use crate::config::Config;
 use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
+use crate::motor::Unfit;
 use crate::sense::hall::Glitch;
 use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, MilliVolts, Torque};
 use crate::way::Way;
@@ -154,6 +155,8 @@ pub enum Refusal {
     Range,
     /// How the motor is wired, or which direction closes, is not known: FIND is needed.
     Wiring,
+    /// The board cannot drive the motor as it is described.
+    Motor(Unfit),
     /// HI cannot find a stop with this configuration: IVEL is 0, or IHIT or MT is below the joint's friction.
     Homing,
 }

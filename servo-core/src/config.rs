@@ -4,6 +4,7 @@
 //! Every value that a field can hold is safe. Speeds are clamped to 16..=4080 counts/s in moves, torques to what the
 //! bridge can do, and gains saturate.
 
+use crate::motor::{BoardFigures, Motor};
 use crate::units::{CountsPerSec, Torque};
 
 /// The configuration of a motor, one field a property.
@@ -49,22 +50,18 @@ pub struct Config {
     pub ihit: u16,
     /// OTEMP: motor temperature limit in 0.1 °C; −551 disables it.
     pub otemp: i16,
-    /// MKA: acceleration of the motor and its joint a torque unit, in 1/16 count/s².
-    pub mka: u16,
-    /// MKE: EMF in 1/4096 torque unit per count/s.
-    pub mke: u16,
-    /// MFC: Coulomb friction in torque units.
-    pub mfc: u16,
-    /// MFS: friction at rest in torque units; at least MFC.
-    pub mfs: u16,
-    /// MTE: electrical time constant L/R in µs, up to 1000.
-    pub mte: u16,
+    /// KBW: bandwidth of the position loop in 0.1 Hz, from which the gains are computed; 0: KP, KD and KPV.
+    pub kbw: u16,
+    /// The motor and its joint, by the properties that describe them.
+    pub motor: Motor,
+    /// The board. A fact, not a property.
+    pub board: &'static BoardFigures,
     /// Release time of the brake in ms; 0 for a motor without one. A fact of the joint, not a property.
     pub brake_ms: u16,
 }
 
 impl Default for Config {
-    /// A motor that cannot move: no torque, no gain. Strain and temperature limits are disabled.
+    /// The hand's motor, which cannot move: no torque, no gain. Strain and temperature limits are disabled.
     fn default() -> Self {
         Self {
             mt: 0,
@@ -87,11 +84,9 @@ impl Default for Config {
             ioff: 0,
             ihit: 0,
             otemp: -551,
-            mka: 0,
-            mke: 0,
-            mfc: 0,
-            mfs: 0,
-            mte: 0,
+            kbw: 0,
+            motor: Motor::HAND,
+            board: &BoardFigures::TATER,
             brake_ms: 0,
         }
     }

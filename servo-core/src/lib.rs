@@ -4,8 +4,8 @@
 //! bus or clock: time is passed in. It has no heap and no floating point, because it runs on a Cortex-M3; all arithmetic
 //! is fixed point ([`units`], [`num`]).
 //!
-//! [`servo`] composes the rest and fixes the order in which it runs. [`command`] has its inputs and outputs, [`config`]
-//! the properties that shape a motion, and [`mode`] the control modes. [`sense`] turns hall codes into position and
+//! [`servo`] composes the rest and fixes the order in which it runs. [`command`] has its inputs and outputs, [`motor`] the description of
+//! motor and board from which every threshold is computed, [`config`] the properties that shape a motion, and [`mode`] the control modes. [`sense`] turns hall codes into position and
 //! velocity, [`motion`] moves the set-point and turns errors into torque, and [`guard`] limits or ends a motion.
 //!
 //! # Example
@@ -67,6 +67,7 @@ pub mod config;
 pub mod guard;
 pub mod mode;
 pub mod motion;
+pub mod motor;
 pub mod num;
 pub mod sense;
 pub mod servo;
@@ -75,4 +76,5 @@ pub mod way;
 
 pub use command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 pub use config::Config;
+pub use motor::Motor;
 pub use servo::Servo;

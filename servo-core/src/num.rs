@@ -107,12 +107,6 @@ pub fn mul_clamped(a: Law, b: Law) -> Law {
     clamp_q13(a.to_bits() as i64 * b.to_bits() as i64)
 }
 
-/// `n / d` with 32 fractional bits, rounded up or one more, so that an upper word of a product with it is exact. `n` < `d` − 1.
-#[must_use]
-pub const fn share_q32(n: u32, d: u32) -> u32 {
-    (((n as u64) << 32) / d as u64 + 1) as u32
-}
-
 /// `a · b + c · d`, rounded down once and clamped as by `clamp_q13`. `a` and `c` are not negative, so the sum is below 2^63.
 #[must_use]
 pub fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
@@ -133,10 +127,54 @@ pub const fn round_product(a: Law, b: Law) -> i32 {
     ((a.to_bits() as i64 * b.to_bits() as i64 + (1 << 31)) >> 32) as i32
 }
 
+/// `n / d` to the nearest, halves up; 2^32 − 1 beyond, and for `d` 0. `n + d / 2` fits 64 bits.
+///
+/// A Cortex-M3 divides 32 bits; the library's division of 64 has 900 bytes, this loop 60.
+#[inline(never)]
+#[must_use]
+pub fn half_up(n: u64, d: u64) -> u32 {
+    let mut rest = n + d / 2;
+    if d <= rest >> 32 {
+        return u32::MAX;
+    }
+    let mut quotient = 0;
+    for bit in (0..32).rev() {
+        if d <= rest >> bit {
+            rest -= d << bit;
+            quotient |= 1 << bit;
+        }
+    }
+    quotient
+}
+
+/// The same in a constant, where a division costs nothing. `d` is not 0.
+#[must_use]
+pub const fn nearest(n: u64, d: u64) -> u32 {
+    ((n + d / 2) / d) as u32
+}
+
+/// 64 bits of 32, in a constant.
+#[must_use]
+pub const fn wide(x: u32) -> u64 {
+    x as u64
+}
+
+/// The square root of `x`, rounded down, at least `least` and at most `most`. A turn for each step between them: smaller than a faster one.
+#[must_use]
+pub fn root_within(x: u32, least: u32, most: u32) -> u32 {
+    (least + 1..=most).take_while(|root| root * root <= x).last().unwrap_or(least)
+}
+
 /// An unsigned number as a signed one, saturated at 2^31 − 1.
 #[must_use]
 pub const fn saturating_signed(x: u32) -> i32 {
     if x > i32::MAX as u32 { i32::MAX } else { x as i32 }
+}
+
+/// An unsigned number saturated to 16 bits.
+#[must_use]
+pub const fn saturating_u16(x: u32) -> u16 {
+    if x > u16::MAX as u32 { u16::MAX } else { x as u16 }
 }
 
 /// A signed number saturated to 16 bits.
@@ -231,6 +269,24 @@ mod tests {
         assert_eq!(mul_shift(i32::MAX, 2, 1), i32::MAX);
         assert_eq!(mul_shift(1 << 30, 4, 1), i32::MAX);
         assert_eq!(mul_shift(-(1 << 30), 4, 1), i32::MIN);
+    }
+
+    proptest! {
+        #[test]
+        fn half_up_is_the_nearest(n in 0..1_u64 << 62, d in 1..1_u64 << 62, shift in (0..62_u32, 0..62_u32)) {
+            let (n, d) = (n >> shift.0, (d >> shift.1).max(1));
+            let exact = (2 * u128::from(n) + u128::from(d)) / (2 * u128::from(d));
+            prop_assert_eq!(u128::from(half_up(n, d)), exact.min(u32::MAX.into()));
+        }
+    }
+
+    #[test]
+    fn half_up_has_its_bounds() {
+        for (n, d, quotient) in
+            [(0, 7, 0), (3, 7, 0), (4, 7, 1), (7, 2, 4), (5, 0, u32::MAX), (1 << 40, 2, u32::MAX)]
+        {
+            assert_eq!(half_up(n, d), quotient, "{n} {d}");
+        }
     }
 
     #[test]

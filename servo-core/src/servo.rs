@@ -6,32 +6,29 @@
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{self, Config};
-use crate::guard::arrival::{Arrival, arrived};
+use crate::guard::arrival::{Arrival, Rest, arrived};
 use crate::guard::breakaway::Breakaway;
-use crate::guard::direction::{Direction, Verdict};
+use crate::guard::direction::{Direction, Starts, Verdict};
 use crate::guard::fault::{Condition, Fault, Faults};
-use crate::guard::limits::{AppliedTorque, LastTick, TorqueEnvelope, TorqueLimiter};
+use crate::guard::limits::{AppliedTorque, LastTick, Scale, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
-use crate::guard::supply::RETURN_FROM;
-use crate::guard::thermal::{HotMark, Start, Thermal};
+use crate::guard::thermal::{HotMark, Start, Thermal, Winding};
 use crate::mode::Mode;
-use crate::motion::pid::{Errors, Pid, PidConfig, PidState, Stage};
+use crate::motion::pid::{Errors, Gains, Pid, PidState, Stage};
 use crate::motion::profile::{MoveLimits, Profile, Ramps, Reach, SetPoint};
 use crate::motion::torque::{damped, emf, sure_emf};
 use crate::motion::velocity_loop::VelocityLoop;
-use crate::num::{Law, TICK_HZ, mul_clamped, mul_low};
+use crate::motor::{BoardFigures, Motor, Unfit};
+use crate::num::{Law, TICK_HZ, mul_clamped, mul_low, mul_low_unsigned, saturating_i16};
 use crate::sense::hall::{HallEdge, HallEvent};
-use crate::sense::observer::{Motor, Observer, Push};
+use crate::sense::observer::{Model, Observer, Push};
 use crate::units::{Counts, CountsPerSec, Torque};
 use crate::way::Way;
 use heapless::Deque;
 
 #[cfg(test)]
 mod tests;
-
-/// Hall counts a motor revolution: three pole pairs times six steps (manual 1.3.3).
-pub const COUNTS_PER_REV: usize = 18;
 
 /// The profile waits while the rotor lags the set-point by more than this, so that it does not run away from a motor
 /// at its torque limit. At the default KP six counts ask for half of MT (decision 0006).
@@ -59,10 +56,6 @@ const PROVE_WAY: u32 = 128;
 /// Speeds of IVEL beyond this count as this when HI measures the way it has ordered, in counts/s: a weak motor is slower.
 const SURE_SPEED: u16 = 100;
 
-/// A joint's friction, 0.04 N·m at 1575 units per N·m (decision 0003). A motor that stands still under more torque than
-/// this has met its stop; under less it may be stuck anywhere.
-const FRICTION: Torque = Torque(63);
-
 /// Counts that V orders within TSTOP from which a missing one is a stall in mode 4: a slower rotor may stick for as long. V 26 at TSTOP 300
 /// presses with 2·26 of its gain, 81 of friction and 40 of load.
 const STALL_WAY: i32 = 8;
@@ -72,17 +65,20 @@ const EVENTS: usize = 8;
 
 const IDLE: Drive = Drive { duty: None, brake_released: false };
 
-/// Ramps of mode 3: 15,000 counts/s², a quarter of what the motor can do.
-const STEP_RAMPS: MoveLimits =
-    MoveLimits { accel: 125, closing: CountsPerSec::from_int(4080), opening: CountsPerSec::from_int(4080) };
+/// Acceleration of mode 3 of the hand's motor, 2^-26 counts a tick²: 15,000 counts/s² (ACCEL 125), a quarter of what it can do.
+const STEP_ACCEL: u32 = 1_000_000;
+/// MKA of the hand's motor.
+const HAND_GAIN: u32 = 1454;
 
 /// Torque that the profile leaves to the feedback, torque units, and the share of the deceleration of full torque that it plans with,
 /// 0.38 in 2^-16: the last count before the end is not seen before the next edge.
 const RESERVE: i32 = 20;
 const BRAKING: i32 = 24_903;
+const HARD_BRAKING: i32 = 52_429;
 
-/// Least accelerations of a set-point, 2^-26 counts a tick² (500 counts/s²): one that waits for a weak motor shows that it lags.
-const LEAST_REACH: i32 = 33_554;
+/// Least accelerations of a set-point of the hand's motor, 2^-26 counts a tick² (500 counts/s², 0.7 % of what it can do): one that waits for a weak
+/// motor shows that it lags.
+const LEAST_REACH: u32 = 33_554;
 
 /// Least position error towards the set-point's cell while the rotor is in another one: the model may take the rotor to be there, counts.
 const LEAST_ERROR: Law = Law::lit("0.25");
@@ -93,8 +89,54 @@ const SHORTED_MS: u8 = 4;
 /// Braking beyond what the law asks for that is the supply's, torque units.
 const FORCED: i32 = 64;
 
-/// Velocity below which the set-point of a motor without torque to spare still speeds up, counts/s.
-const STARTING: CountsPerSec = CountsPerSec::from_int(50);
+/// Velocity below which the set-point of a motor without torque to spare still speeds up, as a share of the no-load speed: 50 counts/s of 1056.
+const STARTING_SHARE: u32 = 21;
+
+/// What follows from the motor and its board.
+#[derive(Clone, Copy, Debug)]
+struct Figures {
+    /// Friction at rest. A motor that stands still under more torque than this has met its stop; under less it may be stuck anywhere.
+    friction: Torque,
+    model: Model,
+    scale: Scale,
+    winding: Winding,
+    starts: Starts,
+    rest: Rest,
+    step_accel: i32,
+    least_reach: i32,
+    /// Share of the deceleration of full torque that the profile plans with, 2^-16.
+    braking: i32,
+    starting: CountsPerSec,
+    /// Largest velocity of a motion, counts/s: see [`Motor::most_speed`].
+    fastest: u16,
+}
+
+/// Least torque that is taken for a push on a stop.
+const LEAST_FRICTION: u16 = 8;
+
+impl Figures {
+    /// Of a motor that fits its board.
+    #[inline(never)]
+    fn new(motor: &Motor, board: &BoardFigures) -> Self {
+        let (gain, friction) = (u32::from(motor.mka), motor.stiction().max(LEAST_FRICTION));
+        let fastest = motor.most_speed(board);
+        let of_gain = |hands: u32| mul_low_unsigned(hands, (gain << 15) / HAND_GAIN, 15).cast_signed();
+        let starting = saturating_i16((motor.no_load() / STARTING_SHARE).cast_signed());
+        Self {
+            friction: config::torque(friction),
+            model: Model::new(motor),
+            scale: Scale::new(motor, board),
+            winding: Winding::new(motor),
+            starts: Starts::new(motor),
+            rest: Rest::new(motor),
+            step_accel: of_gain(STEP_ACCEL),
+            least_reach: of_gain(LEAST_REACH),
+            braking: if fastest.is_some() { HARD_BRAKING } else { BRAKING },
+            starting: CountsPerSec::from_int(starting),
+            fastest: fastest.unwrap_or(u16::MAX),
+        }
+    }
+}
 
 #[derive(Clone, Copy, Debug)]
 struct PositionLoop {
@@ -274,7 +316,7 @@ impl Motion {
 }
 
 /// What a motor can do with the torque that the limits, the bus and its load leave.
-fn reach(observer: &Observer, control: &PositionLoop, envelope: &TorqueEnvelope) -> Reach {
+fn reach(figures: &Figures, observer: &Observer, control: &PositionLoop, envelope: &TorqueEnvelope) -> Reach {
     let velocity = control.setpoint.velocity;
     let closes = control.profile.closes();
     let (back, load) = (emf(observer.emf(), velocity), i32::from(Torque::from_fixed(observer.load()).0));
@@ -283,15 +325,15 @@ fn reach(observer: &Observer, control: &PositionLoop, envelope: &TorqueEnvelope)
     let (gain, friction) = (observer.sure_gain(), observer.friction().to_bits() >> 16);
     let up = envelope.forward(back) - friction + load.min(0) - RESERVE;
     let down = envelope.most_units() + friction - load.max(0) - RESERVE;
-    let starting = velocity > STARTING.saturating_neg() && velocity < STARTING;
+    let starting = velocity > figures.starting.saturating_neg() && velocity < figures.starting;
     let up = if starting {
-        (up * gain).max(LEAST_REACH)
+        (up * gain).max(figures.least_reach)
     } else if control.shorted {
         0
     } else {
         (up * gain).max(0)
     };
-    Reach { up, down: mul_low(down * gain, BRAKING, 16).max(LEAST_REACH) }
+    Reach { up, down: mul_low(down * gain, figures.braking, 16).max(figures.least_reach) }
 }
 
 /// What the set-point does, and the position error that counts, of a rotor that the halls have in the cell of `position`.
@@ -335,6 +377,10 @@ fn carried(observer: &Observer, stage: Stage, goal: Law, error: Law) -> (Law, La
 #[derive(Debug)]
 struct Tuning {
     config: Config,
+    /// Of the last motor that fitted.
+    figures: Figures,
+    /// Why the present one does not: nothing moves then.
+    unfit: Option<Unfit>,
     pid: Pid,
     velocity_loop: VelocityLoop,
     strain: Window,
@@ -345,20 +391,25 @@ struct Tuning {
 }
 
 impl Tuning {
-    fn new(config: Config, limit: Torque) -> Self {
-        let Config { mv, mcv, mov, accel, kp, kd, ki, kpv, hsg, lsg, .. } = config;
+    #[inline(never)]
+    fn new(config: Config, unfit: Option<Unfit>, figures: Figures, direction: &Direction) -> Self {
+        let Config { mv, mcv, mov, accel, ki, hsg, lsg, .. } = config;
+        let gains = Gains::new(&config);
+        let mv = mv.min(figures.fastest);
         let (closing, opening) = (config::speed(mv.min(mcv)), config::speed(mv.min(mov)));
         let mut tuning = Self {
             config,
-            pid: PidConfig { kp, ki, kd }.build(),
-            velocity_loop: VelocityLoop::new(kpv),
+            unfit,
+            figures,
+            pid: gains.build(ki),
+            velocity_loop: VelocityLoop::new(gains.kpv, &config.motor),
             strain: Window::new(hsg, lsg),
             ramps: MoveLimits { accel, closing, opening }.build(),
-            step_ramps: STEP_RAMPS.build(),
+            step_ramps: Ramps::as_fast_as(figures.step_accel),
             most: Torque::ZERO,
             homing_most: Torque::ZERO,
         };
-        tuning.limit(limit);
+        tuning.limit(direction.limit(&figures.starts));
         tuning
     }
 
@@ -370,7 +421,7 @@ impl Tuning {
     }
 
     fn can_home(&self) -> bool {
-        self.config.ivel != 0 && config::torque(self.config.ihit.min(self.config.mt)) >= FRICTION
+        self.config.ivel != 0 && config::torque(self.config.ihit.min(self.config.mt)) >= self.figures.friction
     }
 
     fn press_speed(&self, way: Way) -> CountsPerSec {
@@ -420,11 +471,13 @@ impl Servo {
     /// A servo in idle, at rest in the cell `count` of the hall decoder; that cell is position `count`.
     #[must_use]
     pub fn new(config: Config, count: i32) -> Self {
-        let direction = Direction::at_rest(count);
+        let unfit = config.motor.check(config.board).err();
+        let figures = Figures::new(if unfit.is_none() { &config.motor } else { &Motor::HAND }, config.board);
+        let direction = Direction::at_rest(&figures.starts, count);
         Self {
-            tuning: Tuning::new(config, direction.limit()),
+            tuning: Tuning::new(config, unfit, figures, &direction),
             motion: Motion::Idle,
-            observer: Observer::new(Motor::new(&config), count),
+            observer: Observer::new(figures.model, count),
             count,
             zero: 0,
             position: Counts::from_int(count),
@@ -462,12 +515,16 @@ impl Servo {
     /// Takes another wiring. `known`: also its direction of closing; without it HI is refused.
     pub fn set_wired(&mut self, known: bool) {
         self.wired = known;
-        self.set_direction(Direction::at_rest(self.count));
+        self.set_direction(self.at_rest());
+    }
+
+    const fn at_rest(&self) -> Direction {
+        Direction::at_rest(&self.tuning.figures.starts, self.count)
     }
 
     fn set_direction(&mut self, direction: Direction) {
         self.direction = direction;
-        self.tuning.limit(direction.limit());
+        self.tuning.limit(direction.limit(&self.tuning.figures.starts));
     }
 
     /// Marks the direction as seen to be right, as after the first counts: for tests of what comes later.
@@ -583,13 +640,31 @@ impl Servo {
     /// Whether the hot mark in the flash is as it should be.
     #[must_use]
     pub const fn hot_mark(&self) -> HotMark {
-        self.thermal.hot_mark(!matches!(self.motion, Motion::Idle))
+        self.thermal.hot_mark(&self.tuning.figures.winding, !matches!(self.motion, Motion::Idle))
     }
 
     /// The winding's rise over the thermistor, to be kept over a reset, 0.1 K; `None` before the first tick.
     #[must_use]
     pub fn rise(&self) -> Option<u16> {
         self.thermal.rise()
+    }
+
+    /// What an interrupted program may have heated the winding beyond [`Self::rise`], 0.1 K.
+    #[must_use]
+    pub const fn uncounted(&self) -> u16 {
+        self.tuning.figures.winding.uncounted()
+    }
+
+    /// Why the board cannot drive the motor as it is described; nothing moves then.
+    #[must_use]
+    pub const fn unfit(&self) -> Option<Unfit> {
+        self.tuning.unfit
+    }
+
+    /// The torque limits of a motor whose wiring is not known: FIND's.
+    #[must_use]
+    pub const fn starts(&self) -> &Starts {
+        &self.tuning.figures.starts
     }
 
     /// The present configuration.
@@ -677,6 +752,11 @@ impl Servo {
             if !(of_wires && matches!(command, Command::Find)) {
                 return Err(Refusal::Fault(fault));
             }
+        }
+        if let Some(unfit) = self.tuning.unfit
+            && command.moves()
+        {
+            return Err(Refusal::Motor(unfit));
         }
         if !self.wired && matches!(command, Command::Home) {
             return Err(Refusal::Wiring);
@@ -818,8 +898,18 @@ impl Servo {
             Motion::Zero { .. } => (shape(&config), config.ioff) != (shape(&old), old.ioff),
             _ => false,
         };
-        self.tuning = Tuning::new(config, self.direction.limit());
-        self.observer.set_motor(Motor::new(&config));
+        let (mut figures, mut unfit) = (self.tuning.figures, self.tuning.unfit);
+        if config.motor != old.motor {
+            unfit = config.motor.check(config.board).err();
+            // The thresholds of the motor before hold for one that is not driven.
+            if unfit.is_none() {
+                figures = Figures::new(&config.motor, config.board);
+                self.observer.set_model(figures.model);
+            } else if !matches!(self.motion, Motion::Idle) {
+                self.terminate();
+            }
+        }
+        self.tuning = Tuning::new(config, unfit, figures, &self.direction);
         self.thermal.look_next();
         if reshaped {
             self.plan();
@@ -845,7 +935,12 @@ impl Servo {
         }
         let counted = self.observe(sense);
         let due = self.is_due();
-        if self.thermal.step(self.applied.torque, sense.motor_temp, self.tuning.config.otemp) {
+        if self.thermal.step(
+            &self.tuning.figures.winding,
+            self.applied.torque,
+            sense.motor_temp,
+            self.tuning.config.otemp,
+        ) {
             self.faults.raise(Condition::HOT);
         }
         if let Some(fault) = self.faults.check(sense.bus) {
@@ -854,7 +949,7 @@ impl Servo {
         match self.motion {
             Motion::Idle => {
                 self.rest(counted);
-                self.limiter.idle(sense.bus);
+                self.limiter.idle(&self.tuning.figures.scale, sense.bus);
                 return IDLE;
             }
             Motion::Starting { goal, brake_ms } => {
@@ -890,10 +985,12 @@ impl Servo {
         let most = self.thermal.most();
         let (ceiling, emf) = (self.torque_ceiling(), self.emf());
         let last = LastTick { current: sense.current, applied: &self.applied, counted };
-        let envelope = self.limiter.envelope(ceiling, most, emf, sense.bus, &last);
+        let scale = &self.tuning.figures.scale;
+        let envelope = self.limiter.envelope(scale, (ceiling, most), emf, sense.bus, &last);
         let wanted = self.law(&envelope);
-        self.applied = envelope.bound(wanted, self.applied.torque);
-        self.forced = sense.bus > RETURN_FROM && self.is_forced(wanted);
+        let scale = &self.tuning.figures.scale;
+        self.applied = envelope.bound(scale, wanted, self.applied.torque);
+        self.forced = sense.bus > scale.bus().return_from && self.is_forced(wanted);
         self.drive()
     }
 
@@ -912,11 +1009,11 @@ impl Servo {
     /// Returns whether the bridge must be open.
     #[inline(never)]
     fn watch_direction(&mut self) -> bool {
-        match self.direction.step(self.count, self.applied.torque) {
+        match self.direction.step(&self.tuning.figures.starts, self.count, self.applied.torque) {
             Verdict::Limit(limit) => self.tuning.limit(limit),
             // Without a known direction of closing the motor may be right in itself and yet the mirror image.
             Verdict::Right if self.wired => self.trust_direction(),
-            Verdict::Right => self.set_direction(Direction::at_rest(self.count)),
+            Verdict::Right => self.set_direction(self.at_rest()),
             Verdict::Open => return true,
             Verdict::Wrong => {
                 self.faults.raise(Condition::WIRING);
@@ -931,7 +1028,7 @@ impl Servo {
         self.observer.tick(sense.now);
         self.position = self.observer.position().wrapping_sub(Counts::from_int(self.zero));
         self.velocity = self.observer.velocity();
-        if self.limiter.watch_current(sense.current, self.applied.duty) {
+        if self.limiter.watch_current(&self.tuning.figures.scale, sense.current, self.applied.duty) {
             self.faults.raise(Condition::SHORT);
         }
         let before = core::mem::replace(&mut self.count, self.observer.count());
@@ -964,7 +1061,7 @@ impl Servo {
     #[inline(never)]
     fn start(&mut self, goal: Goal) {
         if !self.direction.is_right() && self.applied == AppliedTorque::OFF {
-            self.set_direction(Direction::at_rest(self.count));
+            self.set_direction(self.at_rest());
         }
         let position = self.exact_position();
         // What a hold has taken for a load may be friction.
@@ -989,7 +1086,7 @@ impl Servo {
             }
             Goal::Find => {
                 self.motion = Motion::Field(Torque::ZERO);
-                self.set_direction(Direction::standing(self.count));
+                self.set_direction(Direction::standing(&self.tuning.figures.starts, self.count));
             }
             Goal::TorqueControlled { way } => self.motion = Motion::TorqueControlled { way },
             Goal::SeekStop => self.motion = Motion::Home { stage: Homing::Seek, way: 0 },
@@ -1107,7 +1204,7 @@ impl Servo {
         let (control, arrival, ramps) = match &mut self.motion {
             Motion::Position(control) => (control, None, &self.tuning.step_ramps),
             Motion::Move { control, arrival, .. } | Motion::Zero { control, arrival } => {
-                arrival.push(self.applied.torque);
+                arrival.push(&self.tuning.figures.rest, self.applied.torque);
                 (control, Some(arrival), &self.tuning.ramps)
             }
             _ => return Torque::ZERO,
@@ -1121,7 +1218,7 @@ impl Servo {
             control.shorted_ms -= 1;
             control.setpoint = control.profile.follow(ramps, position, self.velocity);
             self.resting = control.setpoint.done;
-            return envelope.short();
+            return envelope.short(&self.tuning.figures.scale);
         }
         if control.setpoint.done {
             // It rests on its end.
@@ -1131,7 +1228,8 @@ impl Servo {
             }
         } else {
             let closes = control.setpoint.velocity > CountsPerSec::ZERO;
-            control.setpoint = control.profile.step(ramps, reach(&self.observer, control, envelope));
+            control.setpoint =
+                control.profile.step(ramps, reach(&self.tuning.figures, &self.observer, control, envelope));
             if control.setpoint.done {
                 self.observer.end_motion(Way::closing_if(closes));
             }
@@ -1157,7 +1255,8 @@ impl Servo {
     /// the velocity loop takes over. HI applies all of IHIT, or of MT to leave its stop, before it takes a joint for stalled: one that is wedged
     /// may need more than the loop asks for.
     fn velocity_torque(&self, most: Torque) -> Torque {
-        let goal = self.velocity_goal();
+        let fastest = config::speed(self.tuning.figures.fastest);
+        let goal = self.velocity_goal().max(fastest.saturating_neg()).min(fastest);
         let half = goal.0 >> 1;
         match self.motion {
             Motion::Pressing { way: Way::Closing } if self.velocity.0 < half => most,
@@ -1344,14 +1443,16 @@ impl Servo {
         };
         let left = control.profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            let rests = arrival.rests(left, self.velocity, quiet);
+            let of = &self.tuning.figures.rest;
+            let rests = arrival.rests(of, left, self.velocity, quiet);
             let ticks = control.profile.ticks();
             let quiet = arrival.settle(quiet, ticks);
             let settled = ticks == 0 || arrival.has_settled();
-            let rests = rests || arrival.hunts(left, self.velocity) && left.unsigned_abs() <= u32::from(mpe);
+            let rests =
+                rests || arrival.hunts(of, left, self.velocity) && left.unsigned_abs() <= u32::from(mpe);
             // What had nothing to do shows nothing of what may have driven it.
             let rests = rests && ticks > 0;
-            if rests || settled && arrived(left, mpe, self.velocity, quiet) {
+            if rests || settled && arrived(of, left, mpe, self.velocity, quiet) {
                 return Some(EndReason::Arrived);
             }
             arrival.wait(left, tstop);
@@ -1391,7 +1492,7 @@ impl Servo {
                 }
                 let elsewhere =
                     control.setpoint.done && control.setpoint.position.round() != self.position.round();
-                if elsewhere && self.applied.torque.saturating_abs() >= FRICTION {
+                if elsewhere && self.applied.torque.saturating_abs() >= self.tuning.figures.friction {
                     return torque();
                 }
                 let lag = control.lag(self.position);
@@ -1405,7 +1506,8 @@ impl Servo {
     fn presses_by_velocity(&self, tstop: u16) -> bool {
         let way = i32::from(self.velocity_wanted.0.to_num::<i16>()).abs() * i32::from(tstop);
         self.applied.limit.is_some()
-            || self.applied.torque.saturating_abs() >= FRICTION && way >= STALL_WAY * TICK_HZ.cast_signed()
+            || self.applied.torque.saturating_abs() >= self.tuning.figures.friction
+                && way >= STALL_WAY * TICK_HZ.cast_signed()
     }
 
     /// The direction of an end behind an obstacle that has just stalled the motor: the set-point has only begun to move towards it.
@@ -1429,7 +1531,7 @@ impl Servo {
 
     /// Whether the motor pushes as hard as a limit allows, and harder than friction: standing still, it has met its stop.
     fn presses(&self) -> bool {
-        self.applied.limit.is_some() && self.applied.torque.saturating_abs() >= FRICTION
+        self.applied.limit.is_some() && self.applied.torque.saturating_abs() >= self.tuning.figures.friction
     }
 
     fn idle(&mut self) {

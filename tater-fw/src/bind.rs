@@ -7,6 +7,7 @@ pub enum Slot<'a> {
     U16(&'a mut u16),
     I16(&'a mut i16),
     I32(&'a mut i32),
+    U32(&'a mut u32),
 }
 
 impl Slot<'_> {
@@ -17,6 +18,7 @@ impl Slot<'_> {
             Self::U16(field) => i32::from(**field),
             Self::I16(field) => i32::from(**field),
             Self::I32(field) => **field,
+            Self::U32(field) => field.cast_signed(),
         }
     }
 
@@ -30,6 +32,7 @@ impl Slot<'_> {
             Self::U16(field) => *field = u16::from_le_bytes([low, high]),
             Self::I16(field) => *field = i16::from_le_bytes([low, high]),
             Self::I32(field) => *field = value,
+            Self::U32(field) => *field = value.cast_unsigned(),
         }
     }
 }
@@ -43,12 +46,12 @@ macro_rules! from {
         }
     )*};
 }
-from!(Bool: bool, U8: u8, U16: u16, I16: i16, I32: i32);
+from!(Bool: bool, U8: u8, U16: u16, I16: i16, I32: i32, U32: u32);
 
 /// `bind!(pattern for Struct: NAME = field, ...)` gives `PROPERTIES`, `get` and `set` for the struct, and a macro of
 /// the given name that matches any of them, for exhaustive matches over all properties.
 macro_rules! bind {
-    ($pattern:ident for $struct:ty: $($property:ident = $field:ident,)*) => {
+    ($pattern:ident for $struct:ty: $($property:ident = $($field:ident).+,)*) => {
         /// The properties that are here.
         pub const PROPERTIES: [tater_wire::Property; [$(stringify!($property)),*].len()] =
             [$(tater_wire::Property::$property),*];
@@ -57,7 +60,7 @@ macro_rules! bind {
         #[inline(never)]
         fn slot(of: &mut $struct, property: tater_wire::Property) -> Option<$crate::bind::Slot<'_>> {
             match property {
-                $(tater_wire::Property::$property => Some($crate::bind::Slot::from(&mut of.$field)),)*
+                $(tater_wire::Property::$property => Some($crate::bind::Slot::from(&mut of.$($field).+)),)*
                 _ => None,
             }
         }

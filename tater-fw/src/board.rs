@@ -1,6 +1,7 @@
 //! The hardware of a motor board: registers on the metal, the plant in the simulator.
 
 use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};
+use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{FaultCode, Frame, Group, Node};
@@ -29,6 +30,9 @@ pub struct Analog {
 pub trait Board {
     /// Its flash.
     type Flash: Flash;
+
+    /// What it is built of: limits of the motor follow from it.
+    const FIGURES: BoardFigures;
 
     /// Sets the three legs of the bridge.
     fn bridge(&mut self, bridge: Bridge);

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! The legs of one sector after another are held, with a torque that rises until a hall line changes or `MOST` is reached.
+//! The legs of one sector after another are held, with a torque that rises until a hall line changes or [`Limits::most`] is reached.
 //! Legs of sector k pull the rotor to the boundary of sectors k + 1 and k + 2 (decision 0003). Each change of the code says
 //! which way a vector turned the rotor over a boundary, so it did work of that sign. Of the twelve wirings that fit the order
 //! of the codes, the one under which the field did most work is right:
@@ -22,13 +22,11 @@
 //! right up to the mirror image, which nothing on the board can see (decision 0046).
 
 use core::cmp::Ordering;
-use servo_core::guard::direction;
+use servo_core::Motor;
+use servo_core::guard::direction::Starts;
+use servo_core::num::saturating_i16;
 use servo_core::sense::wiring::Wiring;
 use servo_core::units::{MilliAmps, Torque};
-
-/// Largest torque: a quarter more than what starts any motor. A rotor that creeps behind the field has the friction of a resting one, and where
-/// only the field's peak overcomes it, it stays a cell behind (torture seed 469504521).
-const MOST: i16 = direction::MOST.0 + direction::MOST.0 / 4;
 
 /// Rise of the torque a ms, at first and after `FAST` rotations without a result: a rotor that slides while the torque rises fast
 /// passes the boundary that should hold it, and two neighbors score the same.
@@ -77,12 +75,31 @@ pub const LIMIT_MS: u16 = 15_000;
 /// Cells from the start at which something else turns the joint: FIND itself moves by six.
 const LOST: i8 = 24;
 
-/// Bus current at `MOST`, below which a phase is open: 250 mA are expected of the highest resistance, after dead time.
-const OPEN_MA: i16 = 60;
+/// What a motor's FIND takes, torque units; of the hand's motor in brackets.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Largest torque (200): a quarter more than what starts any motor. A rotor that creeps behind the field has the friction of a resting one, and
+    /// where only the field's peak overcomes it, it stays a cell behind (torture seed 469504521).
+    most: i16,
+    /// Bus current at `most`, below which a phase is open (60 mA): 250 mA are expected of the highest resistance, after dead time.
+    open_ma: i16,
+    /// Least torque that moves a resting rotor (24): friction of 63 units less 30 %, with 30 % more torque an ampere and 30 % less resistance.
+    /// Below it the rotor still moves from the vector before.
+    starts: i16,
+}
 
-/// Least torque that moves a resting rotor: friction of 63 units less 30 %, with 30 % more torque an ampere and 30 % less resistance,
-/// is 24. Below it the rotor still moves from the vector before.
-const STARTS: i16 = 24;
+impl Limits {
+    /// Of a motor.
+    #[must_use]
+    pub fn new(starts: &Starts, motor: &Motor) -> Self {
+        let start = starts.most.0;
+        let most = start + start / 4;
+        // The current of the supply goes with the square of the torque: (200/1024)² · 9.98 A are 381 mA, of which this is a sixth.
+        let square = u32::from(most.unsigned_abs()).pow(2) >> 10;
+        let open_ma = saturating_i16((square * u32::from(motor.mpk) * 3 / (19 << 10)).cast_signed());
+        Self { most, open_ma, starts: start * 3 / 20 }
+    }
+}
 
 /// Legs of the vectors 0 to 2 and again 3 to 5, a bit each.
 const LEGS: [u8; 3] = [0b011, 0b101, 0b110];
@@ -203,6 +220,7 @@ impl Lines {
 /// The state of FIND.
 #[derive(Clone, Copy, Debug)]
 pub struct Find {
+    limits: Limits,
     ring: Ring,
     lines: Lines,
     /// The code of the last tick; counts once it stays for a tick.
@@ -233,17 +251,20 @@ pub struct Find {
     diagnosis: Option<u8>,
 }
 
-impl Default for Find {
-    fn default() -> Self {
+impl Find {
+    /// Begins at a hall count; odd ones with the other rotation, so that a repetition differs.
+    #[must_use]
+    pub fn at(limits: Limits, count: i32) -> Self {
         Self {
+            limits,
             ring: Ring::default(),
             lines: Lines::default(),
             candidate: 0,
             begun: false,
             vector: 0,
-            turn: 1,
+            turn: if count & 1 == 0 { 1 } else { -1 },
             torque: 0,
-            cap: MOST,
+            cap: limits.most,
             held_ms: 0,
             changed: false,
             settled: 0,
@@ -257,14 +278,6 @@ impl Default for Find {
             ms: 0,
             diagnosis: None,
         }
-    }
-}
-
-impl Find {
-    /// Begins at a hall count; odd ones with the other rotation, so that a repetition differs.
-    #[must_use]
-    pub fn at(count: i32) -> Self {
-        Self { turn: if count & 1 == 0 { 1 } else { -1 }, ..Self::default() }
     }
 
     /// The sector whose legs are held.
@@ -316,11 +329,11 @@ impl Find {
             self.diagnosis = Some(DIAGNOSIS);
         }
         self.score(before);
-        if self.torque >= STARTS {
+        if self.torque >= self.limits.starts {
             self.fed |= self.legs();
         }
         self.changed = true;
-        self.cap = (self.torque / 2 * MARGIN).clamp(RATE, MOST);
+        self.cap = (self.torque / 2 * MARGIN).max(RATE).min(self.limits.most);
         self.torque = 0;
         self.held_ms = 0;
     }
@@ -344,7 +357,7 @@ impl Find {
     /// The rotor has settled: learns from it and takes the next vector. Returns the end.
     #[inline(never)]
     fn settle(&mut self, current: MilliAmps) -> Option<Result<Wiring, Trouble>> {
-        if !self.changed && current.0.saturating_abs() >= OPEN_MA {
+        if !self.changed && current.0.saturating_abs() >= self.limits.open_ma {
             self.fed |= self.legs();
         } else if !self.changed {
             self.starved += 1;
@@ -423,7 +436,7 @@ impl Find {
             self.vector %= 6;
         }
         self.torque = 0;
-        self.cap = MOST;
+        self.cap = self.limits.most;
         self.held_ms = 0;
         self.changed = false;
     }
@@ -463,7 +476,7 @@ mod tests {
 
     /// Hall codes, two ticks each, so that each is taken for a change; how FIND ends on them, and after how many ms.
     fn ended(codes: &[u8]) -> Option<(Result<Wiring, Trouble>, u16)> {
-        let mut find = Find::at(0);
+        let mut find = Find::at(Limits { most: 200, open_ma: 60, starts: 24 }, 0);
         let ticks = codes.iter().cycle().flat_map(|&code| [code; 2]);
         ticks.zip(1..=LIMIT_MS).find_map(|(code, ms)| match find.step(code, MilliAmps(300)) {
             Step::Done(found) => Some((found, ms)),

@@ -2,6 +2,7 @@
 
 use crate::bind::bind;
 use servo_core::Config;
+use servo_core::motor::BoardFigures;
 use tater_wire::MotorKind;
 
 bind! { motion for Config:
@@ -25,27 +26,35 @@ bind! { motion for Config:
     IOFF = ioff,
     IHIT = ihit,
     OTEMP = otemp,
-    MKA = mka,
-    MKE = mke,
-    MFC = mfc,
-    MFS = mfs,
-    MTE = mte,
+    KBW = kbw,
+    POLES = motor.poles,
+    MR = motor.mr,
+    MPK = motor.mpk,
+    MVN = motor.mvn,
+    MWX = motor.mwx,
+    MWJ = motor.mwj,
+    MWR = motor.mwr,
+    MKA = motor.mka,
+    MKE = motor.mke,
+    MFC = motor.mfc,
+    MFS = motor.mfs,
+    MTE = motor.mte,
 }
 
 /// Cannot move until it is configured, but knows its brake: the spread's power-off brake releases in 10 to 30 ms.
 #[must_use]
-pub(crate) fn unconfigured(motor: MotorKind) -> Config {
+pub(crate) fn unconfigured(motor: MotorKind, board: &'static BoardFigures) -> Config {
     let brake_ms = match motor {
         MotorKind::Spread => 30,
         MotorKind::Link | MotorKind::Tip => 0,
     };
-    Config { brake_ms, ..Config::default() }
+    Config { brake_ms, board, ..Config::default() }
 }
 
-/// The configuration of a motor on which nothing has been set: the property table's defaults.
+/// The configuration of a motor of the hand's board on which nothing has been set: the property table's defaults.
 #[must_use]
 pub fn defaults(motor: MotorKind) -> Config {
-    let mut config = unconfigured(motor);
+    let mut config = unconfigured(motor, &BoardFigures::TATER);
     fill(&mut config, |property| property.rules().default_for_motor(motor).map(i32::from));
     config
 }

@@ -22,8 +22,8 @@
 //! The monitor is never downloaded, so it reads and writes this layout forever: it must find ID, ROLE and SN, and lose nothing
 //! when it stores them. **So the layout is frozen**: version 1 is the only one. A new value gets a property number of its own,
 //! and up to 32 bits. A new unit gets a number as well: OD is in revolutions where an entry of CTS says so, and in thousands of
-//! counts in journals of earlier programs, which [`Store::convert_odometer`] converts (decision 0018). A program keeps the numbers that it does not know while all stored together are at most 48 (up to 127:
-//! the wire has no others). A new layout would get pages of its own; ID, ROLE and SN stay here.
+//! counts in journals of earlier programs, which [`Store::convert_odometer`] converts (decision 0018). A program keeps every number that it does not know: a record
+//! has room for all 128 of the wire. A new layout would get pages of its own; ID, ROLE and SN stay here.
 //!
 //! # Assumption
 //!
@@ -33,25 +33,25 @@
 //!
 //! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges wait for
 //! it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one
-//! property has 8 half-words, 0.42 ms; of all 52 that are stored up to 113, 6.0 ms; a complete one up to 125, 6.6 ms. An erase
+//! property has 8 half-words, 0.42 ms; of all 62 that are stored up to 138, 7.3 ms; a complete one up to 150, 8.0 ms. An erase
 //! takes 20 to 40 ms; it comes after a SAVE, not before, and only with the bridge off.
 //!
 //! # Endurance
 //!
 //! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages; all wear alike. Behind the
-//! longest complete record a page has room for 385 half-words.
+//! longest complete record a page has room for 360 half-words.
 //!
-//! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 52 x 8 = 416
-//!   half-words, a page and a twelfth, 660 erases a page. Saved by one command it is a quarter.
-//! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,740 erases a page. OD is stored along with
+//! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 62 x 8 = 496
+//!   half-words, a page and three eighths, 870 erases a page. Saved by one command it is a quarter.
+//! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,880 erases a page. OD is stored along with
 //!   it, and each 450 revolutions in between. Moving all the time as fast as a finger can (500 counts/s) is 21 million more,
-//!   8,700 erases a page together. PTEMP only rises: 1,250 half-words in its life.
-//! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 572, and 5,000 of
-//!   them are 900 erases a page.
+//!   9,200 erases a page together. PTEMP only rises: 1,250 half-words in its life.
+//! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 682, and 5,000 of
+//!   them are 1,190 erases a page.
 //! * The hot mark is two half-words each time that the winding gets hot and cools down, at least 5.5 s: at most 31,000 a day, which the
-//!   ring endures for 2.8 years without a pause.
-//! * With the bridge on without a pause nothing is erased. Six pages are ready then. Five last at least 32 h, or 6 h
-//!   of moving all the time, or five FSAVEs one by one. On the last, counters go in coarser steps (16 min,
+//!   ring endures for 2.5 years without a pause.
+//! * With the bridge on without a pause nothing is erased. Six pages are ready then. Five last at least 29 h, or 6 h
+//!   of moving all the time, or three FSAVEs one by one. On the last, counters go in coarser steps (16 min,
 //!   1023 revolutions, 1 °C), for another four days, or 3.5 h of moving. Then it is [`Progress::Waiting`] until the
 //!   bridge is off, and what has not been stored by then goes with the power.
 
@@ -65,7 +65,7 @@ use crate::board::{Flash, FlashError};
 use heapless::Vec;
 use numbers::Numbers;
 use pages::{FIRST, PAGE_WORDS, Page, Pages};
-use record::{Found, Head, MOST_WORDS, STORED, TAIL, halves};
+use record::{Found, Head, MOST_WORDS, TAIL, halves};
 use tater_wire::Property;
 use tater_wire::image::Crc32;
 use tater_wire::property::{Access, Rules, Stored};
@@ -264,7 +264,7 @@ impl Store {
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {
-        self.get_by(property.rules()).map(i64::from)
+        self.get_by(property.find_rules()).map(i64::from)
     }
 
     /// [`Self::get`] for a program without room for the whole table.
@@ -276,7 +276,7 @@ impl Store {
     /// A P stored this way is not trusted.
     pub fn set(&mut self, property: Property, value: i64) {
         if let Ok(value) = i32::try_from(value) {
-            self.set_by(property.rules(), value);
+            self.set_by(property.find_rules(), value);
         }
     }
 
@@ -320,22 +320,10 @@ impl Store {
     }
 
     fn put(&mut self, id: u8, value: Option<i32>) {
-        let Some(value) = value else {
-            self.values.remove(id);
-            return;
-        };
-        self.values.insert(id, value);
-        if self.values.len() > STORED {
-            self.make_room(id);
+        match value {
+            Some(value) => self.values.insert(id, value),
+            None => self.values.remove(id),
         }
-    }
-
-    /// Drops a number that this version does not store.
-    #[cold]
-    #[inline(never)]
-    fn make_room(&mut self, id: u8) {
-        let other = self.values.numbers().iter().find(|&id| !Property::is_stored(id));
-        self.values.remove(other.unwrap_or(id));
     }
 
     /// The stored position if nothing has moved since: the position and the hall code at it.

@@ -29,13 +29,14 @@ use crate::storage::{Progress, Store};
 use heapless::Deque;
 use servo_core::guard::thermal::Start;
 use servo_core::mode::Mode;
+use servo_core::motor::Motor;
+use servo_core::num::{low_word, saturating_i16, saturating_signed};
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
-use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Micros, Torque};
 use servo_core::way::Way;
 use servo_core::{Command, Config, Drive, EndReason, Event, Refusal, Sense, Servo, Telemetry};
-use tater_wire::property::{Access, Rules, Stored, host_units};
+use tater_wire::property::{Access, Range, Rules, Stored, host_units};
 use tater_wire::{
     Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property, Torques,
     Value,
@@ -59,19 +60,14 @@ const REPORT_ENDS: u8 = 1;
 
 const REPORT_BREAKAWAYS: u8 = 2;
 
-/// Counts per motor revolution.
-const REV: i32 = 18;
-const TURN: u32 = 18;
-const _: () = assert!(REV == 18 && TURN == 18 && COUNTS_PER_REV == 18, "the estimator has the same");
-
 /// STAT of a board that is awake. A SET of it clears ERROR.
-const READY: i64 = 2;
+const READY: i32 = 2;
 
 /// The STAT that resets the board into the monitor.
-const MONITOR: i64 = 0;
+const MONITOR: i32 = 0;
 
 /// The value of SAVE, LOAD and DEF that stands for all properties.
-const ALL: i64 = -1;
+const ALL: i32 = -1;
 
 const OFF: Drive = Drive { duty: None, brake_released: false };
 
@@ -167,7 +163,7 @@ impl<B: Board> Tater<B> {
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
         let count = trusted.unwrap_or(0);
         Self {
-            servo: Servo::new(motion::unconfigured(kind), count),
+            servo: Servo::new(motion::unconfigured(kind, &B::FIGURES), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             pending_code: None,
             hall_history: u32::from(code),
@@ -370,7 +366,8 @@ impl<B: Board> Tater<B> {
         self.lock.interrupt();
         let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
         let torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
-        let torque = narrow(self.host_value(Property::T, torque.into()))?;
+        let torque = self.host_value(Property::T, torque.into()).max(i16::MIN.into()).min(i16::MAX.into());
+        let torque = saturating_i16(low_word(torque));
         self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
     }
 
@@ -418,7 +415,7 @@ impl<B: Board> Tater<B> {
         if property == Property::LOCK {
             self.lock.key(value);
         }
-        let result = match property.rules().access {
+        let result = match property.find_rules().access {
             Access::ReadOnly => Err(SetError::Access(property)),
             Access::ReadWrite | Access::WriteOnly => self.write(property, value),
             Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),
@@ -453,57 +450,68 @@ impl<B: Board> Tater<B> {
         let analog = self.board.analog();
         let counters = self.store.counters();
         let value = match property {
-            P::VERS | P::CTS | P::IPNM | P::POLES => property.rules().min(),
-            P::ERROR => self.error().map_or(0, FaultCode::into),
+            P::VERS => const { low_word(Property::VERS.rules().min()) },
+            P::CTS => self.turn().cast_signed(),
+            P::IPNM => self.motor().units_per_n_m().cast_signed(),
+            P::FIT => self.servo.unfit().map_or(0, |unfit| i32::from(unfit.code())),
+            P::MKT => self.motor().mkt().cast_signed(),
+            P::MJ => saturating_signed(self.motor().mj()),
+            P::ML => self.motor().ml().cast_signed(),
+            P::ERROR => self.error().map_or(0, |fault| i32::from(fault.code())),
             P::STAT => READY,
-            P::MODE => mode_code(status.mode).into(),
-            P::TEMP => i64::from(analog.board_temp.0),
-            P::PTEMP => i64::from(counters.ptemp),
-            P::B => i64::from(self.drive.brake_released),
-            P::ANA0 => i64::from(analog.raw[0]),
-            P::ANA1 => i64::from(analog.raw[1]),
-            P::THERM => i64::from(analog.motor_temp.0),
-            P::VBUS => (i64::from(analog.bus.0) + 50) / 100,
-            P::IMOTOR => i64::from(analog.current.0),
-            P::SG => i64::from(analog.strain),
-            P::T => i64::from(self.servo.torque().0),
-            P::V if status.mode == Mode::Velocity => i64::from(status.setpoint_velocity.round()),
-            P::V | P::VEL => i64::from(status.velocity.round()),
-            P::VSET => i64::from(self.servo.velocity_wanted().round()),
+            P::MODE => low_word(mode_code(status.mode).into()),
+            P::TEMP => i32::from(analog.board_temp.0),
+            P::PTEMP => i32::from(counters.ptemp),
+            P::B => i32::from(self.drive.brake_released),
+            P::ANA0 => i32::from(analog.raw[0]),
+            P::ANA1 => i32::from(analog.raw[1]),
+            P::THERM => i32::from(analog.motor_temp.0),
+            P::VBUS => (i32::from(analog.bus.0) + 50) / 100,
+            P::IMOTOR => i32::from(analog.current.0),
+            P::SG => i32::from(analog.strain),
+            P::T => i32::from(self.servo.torque().0),
+            P::V if status.mode == Mode::Velocity => status.setpoint_velocity.round().into(),
+            P::V | P::VEL => status.velocity.round().into(),
+            P::VSET => self.servo.velocity_wanted().round().into(),
             // Sent in 22 bits, beyond the range of a SET.
             P::P => return Some(i64::from(status.position.round())),
-            P::E => i64::from(self.servo.end()),
-            P::UPSECS => i64::from(counters.upsecs),
-            P::OD => i64::from(counters.odometer),
-            P::MECH => i64::from(self.commutator.count().rem_euclid(REV)),
-            P::HALLS => i64::from(self.board.halls() & 7),
+            P::E => self.servo.end(),
+            P::UPSECS => return Some(counters.upsecs.into()),
+            P::OD => return Some(counters.odometer.into()),
+            P::MECH => self.commutator.count().rem_euclid(self.turn().cast_signed()),
+            P::HALLS => i32::from(self.board.halls() & 7),
             // Ten codes are 30 bits; bit 30 tells GOD whether HI is needed.
-            P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
-            P::BD => i64::from(status.breakaway.is_some()),
-            P::BP => i64::from(self.breakaway_position),
-            P::FIND => self.found(),
-            P::END => self.refused_end.or(status.end).map_or(0, |reason| end_code(reason).into()),
+            P::HALLH => (self.hall_history | u32::from(status.homed) << 30).cast_signed(),
+            P::BD => i32::from(status.breakaway.is_some()),
+            P::BP => self.breakaway_position,
+            P::FIND => low_word(self.found()),
+            P::END => self.refused_end.or(status.end).map_or(0, |reason| low_word(end_code(reason).into())),
             P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | settings!() => return None,
         };
-        let rules = property.rules();
-        Some(value.max(rules.min()).min(rules.max()))
+        let rules = property.find_rules();
+        Some(i64::from(value).max(rules.min()).min(rules.max()))
     }
 
     /// Changes nothing on error.
     fn write(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
-        if !property.rules().admits(value) {
+        if !property.find_rules().admits(value) {
             return Err(out_of_range);
         }
+        // In its range.
+        let word = low_word(value);
         match property {
-            motion!() | settings!() | P::P => self.set_stored(property, narrow(value)?),
-            P::PTEMP | P::UPSECS | P::OD => self.set_counter(property, value),
-            P::STAT if value == READY => {
+            motion!() | settings!() | P::P | P::MKT | P::MJ | P::ML => self.set_stored(property, word),
+            P::PTEMP | P::UPSECS | P::OD => {
+                self.set_counter(property, word);
+                Ok(())
+            }
+            P::STAT if word == READY => {
                 self.storage_error = false;
                 self.command(Command::ClearFault)
             }
-            P::STAT if value == MONITOR => {
+            P::STAT if word == MONITOR => {
                 self.reset();
                 Ok(())
             }
@@ -513,21 +521,21 @@ impl<B: Board> Tater<B> {
                 let follows_hold = mode == Mode::Trapezoidal && self.has_foreign_units();
                 self.command(if follows_hold { Command::MoveToEnd } else { Command::Mode(mode) })
             }
-            P::T => self.command(Command::Torque(Torque(narrow(value)?))),
-            P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),
+            P::T => self.command(Command::Torque(Torque(saturating_i16(word)))),
+            P::V => self.command(Command::Velocity(CountsPerSec::from_int(saturating_i16(word)))),
             P::E => {
-                let end = self.goal(property, narrow(value)?)?;
+                let end = self.goal(property, word)?;
                 self.command(Command::End(end))
             }
             P::M => {
-                let end = self.goal(property, narrow(value)?)?;
+                let end = self.goal(property, word)?;
                 self.command(Command::Move(end))
             }
             P::CMD => self.run_cmd(value),
             P::FIND => self.find(value),
-            P::SAVE => self.save(value),
-            P::LOAD => self.load(value),
-            P::DEF => self.restore_default(value),
+            P::SAVE => self.save(word),
+            P::LOAD => self.load(word),
+            P::DEF => self.restore_default(word),
             // `set` has handled it, also for numbers out of range.
             P::LOCK => Ok(()),
             P::STAT => Err(out_of_range),
@@ -546,7 +554,7 @@ impl<B: Board> Tater<B> {
             | P::IPNM
             | P::HALLS
             | P::HALLH
-            | P::POLES
+            | P::FIT
             | P::BD
             | P::BP
             | P::END
@@ -560,15 +568,9 @@ impl<B: Board> Tater<B> {
     fn set_stored(&mut self, property: Property, value: i32) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
-        let value = self.kind.bounded(property, value);
+        let value = self.range().bounded(property, value);
         match property {
-            motion!() => {
-                let mut config = *self.servo.config();
-                if !motion::set(&mut config, property, value) {
-                    return Err(out_of_range);
-                }
-                self.command(Command::Configure(config))
-            }
+            motion!() | P::MKT | P::MJ | P::ML => self.configure(property, value),
             settings!() if property == P::WIRING => self.set_wiring(value),
             settings!() if settings::set(&mut self.settings, property, value) => {
                 if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
@@ -580,9 +582,44 @@ impl<B: Board> Tater<B> {
                 let position = self.goal(property, value)?;
                 self.set_position(position)
             }
-            P::PTEMP | P::UPSECS | P::OD => self.set_counter(property, value.into()),
+            P::PTEMP | P::UPSECS | P::OD => {
+                self.set_counter(property, value);
+                Ok(())
+            }
             _ => Err(out_of_range),
         }
+    }
+
+    fn motor(&self) -> &Motor {
+        &self.servo.config().motor
+    }
+
+    /// Hall counts a motor revolution: six steps for each pair of poles (manual 1.3.3).
+    fn turn(&self) -> u32 {
+        3 * u32::from(self.motor().poles.max(2))
+    }
+
+    /// The joint's range. One that is empty has no goal.
+    fn range(&self) -> Range {
+        let Settings { jlo, jhi, .. } = self.settings;
+        Range { low: jlo, high: jhi }
+    }
+
+    /// Takes a property of the servo or a figure of the motor's data sheet. What the data sheet says stays as it is when the unit of torque or a
+    /// count becomes another.
+    #[inline(never)]
+    fn configure(&mut self, property: Property, value: i32) -> Result<(), SetError> {
+        use Property as P;
+        let mut config = *self.servo.config();
+        let old = config.motor;
+        let is_set = motion::set(&mut config, property, value);
+        if !is_set || matches!(property, P::MR | P::MPK | P::POLES) {
+            let given = |of: P, old: u32| if of == property { value.cast_unsigned() } else { old };
+            config.motor.set_mkt(given(P::MKT, old.mkt()));
+            config.motor.set_mj(given(P::MJ, old.mj()));
+            config.motor.set_ml(given(P::ML, old.ml()));
+        }
+        self.command(Command::Configure(config))
     }
 
     fn command(&mut self, command: Command) -> Result<(), SetError> {
@@ -626,15 +663,15 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    fn set_counter(&mut self, property: Property, value: i64) -> Result<(), SetError> {
+    /// Takes the bits of a value in its range.
+    fn set_counter(&mut self, property: Property, value: i32) {
         let mut counters = self.store.counters();
         match property {
-            Property::PTEMP => counters.ptemp = narrow(value)?,
-            Property::UPSECS => counters.upsecs = narrow(value)?,
-            _ => counters.odometer = narrow(value)?,
+            Property::PTEMP => counters.ptemp = saturating_i16(value),
+            Property::UPSECS => counters.upsecs = value.cast_unsigned(),
+            _ => counters.odometer = value.cast_unsigned(),
         }
         self.store.reset_counters(counters);
-        Ok(())
     }
 
     /// A fault of the servo goes before one of the flash, which does not stop the motor.
@@ -661,18 +698,22 @@ impl<B: Board> Tater<B> {
             Cmd::Io => self.step_by(-i32::from(self.settings.ds)),
             Cmd::Tc => self.command(Command::TorqueControlled { way: Way::Closing }),
             Cmd::To => self.command(Command::TorqueControlled { way: Way::Opening }),
-            Cmd::C => self.command(Command::Move(self.settings.ct)),
-            Cmd::M => self.command(Command::Move(self.settings.dp)),
-            Cmd::O => self
-                .command(Command::Move(self.settings.ot))
-                .and_then(|()| self.command(Command::ClearBreakaway)),
+            Cmd::C => self.move_to(self.settings.ct),
+            Cmd::M => self.move_to(self.settings.dp),
+            Cmd::O => self.move_to(self.settings.ot).and_then(|()| self.command(Command::ClearBreakaway)),
             Cmd::T => self.command(Command::Terminate),
         }
     }
 
+    /// To a stored target, which JLO and JHI bound as they are now.
+    fn move_to(&mut self, target: i32) -> Result<(), SetError> {
+        let [low, high] = self.range().goals().map(i32::from);
+        self.command(Command::Move(target.min(high).max(low)))
+    }
+
     /// A place that a host has ordered, or refused: a host with another hand's units would drive the joint to its stop.
     fn goal(&self, property: Property, counts: i32) -> Result<i32, SetError> {
-        let [low, high] = self.kind.goals().map(i32::from);
+        let [low, high] = self.range().goals().map(i32::from);
         if low <= counts && counts <= high { Ok(counts) } else { Err(SetError::Range(property)) }
     }
 
@@ -680,7 +721,7 @@ impl<B: Board> Tater<B> {
     /// known may be beyond them: it steps inwards only.
     fn step_by(&mut self, counts: i32) -> Result<(), SetError> {
         let at = self.servo.telemetry().position.round();
-        let [low, high] = self.kind.goals().map(i32::from);
+        let [low, high] = self.range().goals().map(i32::from);
         let end = at.saturating_add(counts).max(low.min(at)).min(high.max(at));
         self.command(Command::Move(end))
     }
@@ -688,7 +729,7 @@ impl<B: Board> Tater<B> {
     // --- SAVE, LOAD and DEF ------------------------------------------------------------------------------------
 
     /// SAVE: takes effect in RAM now; [`Tater::store`] puts it into flash.
-    fn save(&mut self, id: i64) -> Result<(), SetError> {
+    fn save(&mut self, id: i32) -> Result<(), SetError> {
         let saved = stored_property(Property::SAVE, id)?;
         self.update_counters(self.now);
         self.store.save_counters();
@@ -696,10 +737,10 @@ impl<B: Board> Tater<B> {
             Some(property) => self.save_one(property),
             None => {
                 motion::each(self.servo.config(), |property, value| {
-                    self.store.set_by(property.rules(), value)
+                    self.store.set_by(property.find_rules(), value)
                 });
                 settings::each(&self.settings, |property, value| {
-                    let rules = property.rules();
+                    let rules = property.find_rules();
                     if rules.access != Access::Locked {
                         self.store.set_by(rules, value);
                     }
@@ -720,7 +761,7 @@ impl<B: Board> Tater<B> {
         let Some(value) = self.read(property) else { return };
         if property == Property::P
             && self.position_is_known()
-            && property.rules().admits(value)
+            && property.find_rules().admits(value)
             && let Ok(position) = i32::try_from(value)
         {
             self.store.save_position(position, self.board.halls() & 7);
@@ -737,12 +778,12 @@ impl<B: Board> Tater<B> {
     }
 
     /// LOAD: the stored value, or the default where there is none. The position only in idle.
-    fn load(&mut self, id: i64) -> Result<(), SetError> {
+    fn load(&mut self, id: i32) -> Result<(), SetError> {
         match stored_property(Property::LOAD, id)? {
             Some(property) => {
                 self.unlock(property)?;
                 // A property that is always stored has no other value.
-                if property.rules().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
+                if property.find_rules().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
             }
             None => {
                 self.load_all(false);
@@ -758,12 +799,12 @@ impl<B: Board> Tater<B> {
     }
 
     /// DEF: restores the default and forgets the stored value. DEF of all leaves locked properties and the present position.
-    fn restore_default(&mut self, id: i64) -> Result<(), SetError> {
+    fn restore_default(&mut self, id: i32) -> Result<(), SetError> {
         match stored_property(Property::DEF, id)? {
             Some(property) => {
                 self.unlock(property)?;
                 // A board without straps would have no number.
-                if self.unstored(property.rules()).is_none() {
+                if self.unstored(property.find_rules()).is_none() {
                     return Err(SetError::Range(property));
                 }
                 if property == Property::P {
@@ -785,13 +826,19 @@ impl<B: Board> Tater<B> {
     /// Loads stored values or defaults of all properties but the position; `locked`: locked ones too.
     #[inline(never)]
     fn load_all(&mut self, locked: bool) {
-        let mut config = motion::unconfigured(self.kind);
+        // The others are bounded by the joint's range.
+        for property in [Property::JLO, Property::JHI] {
+            if let Some(value) = self.stored(property.find_rules()) {
+                let _ = settings::set(&mut self.settings, property, value);
+            }
+        }
+        let mut config = *self.servo.config();
         // Defaults are in range, and `stored` gives nothing else.
-        motion::fill(&mut config, |property| self.stored(property.rules()));
+        motion::fill(&mut config, |property| self.stored(property.find_rules()));
         let _ = self.servo.command(Command::Configure(config));
         let mut settings = self.settings;
         settings::fill(&mut settings, |property| {
-            let rules = property.rules();
+            let rules = property.find_rules();
             let wanted = rules.stored == Stored::Yes && (locked || rules.access != Access::Locked);
             if wanted { self.stored(rules) } else { None }
         });
@@ -800,7 +847,7 @@ impl<B: Board> Tater<B> {
     }
 
     fn load_one(&mut self, property: Property) -> Result<(), SetError> {
-        let value = self.stored(property.rules()).ok_or(SetError::Range(property))?;
+        let value = self.stored(property.find_rules()).ok_or(SetError::Range(property))?;
         if property == Property::P {
             self.in_idle()?;
         }
@@ -814,7 +861,7 @@ impl<B: Board> Tater<B> {
 
     fn stored(&self, rules: &Rules) -> Option<i32> {
         let value = self.store.get_by(rules).or_else(|| self.unstored(rules))?;
-        Some(self.kind.bounded(rules.property, value))
+        Some(self.range().bounded(rules.property, value))
     }
 
     /// The value where nothing is stored, always in range; `None` for the ID of a board without straps.
@@ -832,7 +879,7 @@ impl<B: Board> Tater<B> {
 
     /// An open LOCK admits one SET of a locked property.
     fn unlock(&mut self, property: Property) -> Result<(), SetError> {
-        match property.rules().access {
+        match property.find_rules().access {
             Access::Locked if !self.lock.take() => Err(SetError::Access(property)),
             Access::Locked | Access::ReadWrite | Access::WriteOnly | Access::ReadOnly => Ok(()),
         }
@@ -870,7 +917,7 @@ impl<B: Board> Tater<B> {
             if self.has_foreign_units() { host_units::to_host(property, self.kind, value) } else { value };
         // Every readable value fits 32 bits.
         let message =
-            Message::answer(self.node, to, property.rules(), value).ok_or(SetError::Range(property))?;
+            Message::answer(self.node, to, property.find_rules(), value).ok_or(SetError::Range(property))?;
         self.push(message, SetError::Busy(property))
     }
 
@@ -976,10 +1023,10 @@ impl<B: Board> Tater<B> {
         let board_temp = self.board.analog().board_temp.0;
         let mut counters = self.store.counters();
         counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
-        counters.odometer = counters.odometer.saturating_add(self.traveled / TURN);
+        counters.odometer = counters.odometer.saturating_add(self.traveled / self.turn());
         // `count` keeps the maximum.
         counters.ptemp = board_temp;
-        self.traveled %= TURN;
+        self.traveled %= self.turn();
         self.store.count(counters);
     }
 
@@ -1116,15 +1163,15 @@ const fn starts_motion(command: &Command) -> bool {
     command.moves() && !matches!(command, Command::Torque(_))
 }
 
-fn narrow<T: TryFrom<i64>>(value: i64) -> Result<T, SetError> {
-    T::try_from(value).map_err(|_| SetError::Servo(Refusal::Range))
-}
-
 /// `None` for all.
-fn stored_property(by: Property, id: i64) -> Result<Option<Property>, SetError> {
+fn stored_property(by: Property, id: i32) -> Result<Option<Property>, SetError> {
     if id == ALL {
         return Ok(None);
     }
     let property = u8::try_from(id).ok().and_then(Property::of).ok_or(SetError::Range(by))?;
-    if property.rules().stored == Stored::No { Err(SetError::Access(property)) } else { Ok(Some(property)) }
+    if property.find_rules().stored == Stored::No {
+        Err(SetError::Access(property))
+    } else {
+        Ok(Some(property))
+    }
 }

@@ -236,7 +236,7 @@ impl Message {
             }
             Body::Set { property, value: sent } if self.to == Destination::Group(Group::REPLIES) => {
                 let property = Property::of(property)?;
-                let (rules, value) = (property.rules(), property.read(sent));
+                let (rules, value) = (property.find_rules(), property.read(sent));
                 let is_admitted = match property {
                     // Of any firmware.
                     Property::VERS => true,
@@ -258,7 +258,7 @@ impl Message {
     /// does not fit 32 bits.
     #[must_use]
     pub fn reply(from: Node, property: Property, value: i64) -> Option<Self> {
-        Self::answer(from, Node::HOST, property.rules(), value)
+        Self::answer(from, Node::HOST, property.find_rules(), value)
     }
 }
 

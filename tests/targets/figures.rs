@@ -7,7 +7,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use servo_core::EndReason;
 use tater_wire::Property;
 
-use super::optimum::optimum_ms;
+use super::optimum::{PEAK_A, optimum_ms};
 use super::rig::{KINDS, Motor, Setup, plants, travel};
 
 /// A figure of the nominal motor, and its distribution over the plants.
@@ -107,7 +107,7 @@ pub fn full_travel(kind: &'static str) -> (Spread, Spread) {
     let setup = Setup::new(kind, "ACCEL = 1000, MV = 4080", from.into());
     let [times, ratios] = spread(|seed| {
         let mut motor = Motor::new(&setup, seed);
-        let optimum = optimum_ms(motor.node.board().rig().plant(), f64::from(to - from));
+        let optimum = optimum_ms(motor.node.board().rig().plant(), PEAK_A, f64::from(to - from));
         motor.set(Property::M, to.into());
         // The spread's brake takes 20 ms to release, in which nothing moves.
         let samples = motor.run_to_end(3_000);

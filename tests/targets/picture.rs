@@ -4,7 +4,7 @@ use hil_world::node::Sample;
 use tater_wire::Property;
 
 use super::figures::{each, torque_error};
-use super::optimum::optimum_path;
+use super::optimum::{PEAK_A, optimum_path};
 use super::rig::{Motor, Setup};
 use crate::chart::{self, BLUE, ORANGE, Panel, Points};
 
@@ -54,7 +54,7 @@ fn moves() -> Vec<Panel> {
         counts(&motor.run(700))
     });
     let nominal = Motor::new(&travel, None);
-    let optimum: Points = optimum_path(nominal.node.board().rig().plant(), 363.0)
+    let optimum: Points = optimum_path(nominal.node.board().rig().plant(), PEAK_A, 363.0)
         .into_iter()
         .map(|(ms, counts)| (ms, counts - 25.0))
         .collect();

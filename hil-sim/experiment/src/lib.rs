@@ -7,6 +7,7 @@ pub mod events;
 pub mod folder;
 pub mod grasp;
 pub mod metrics;
+pub mod motor_file;
 pub mod over_can;
 pub mod packets;
 pub mod page;

@@ -6,6 +6,7 @@ use servo_core::Command;
 use servo_core::mode::Mode;
 pub use tater_fw::SetError;
 use tater_fw::codes::mode_code;
+use tater_wire::property::Range;
 use tater_wire::{Cmd, Destination, Message, MotorKind, Property};
 
 use crate::events::{self, motor_text, of_board};
@@ -125,11 +126,16 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node
     if scenario.rig.is_wired_as_standard() {
         node.trust_direction();
     }
+    if let Some(Range { low, high }) = case.range {
+        set(&mut node, Property::JLO, low.into()).map_err(|e| refused("min_count", low.into(), e))?;
+        set(&mut node, Property::JHI, high.into()).map_err(|e| refused("max_count", high.into(), e))?;
+    }
     set(&mut node, Property::P, i64::from(count)).map_err(|e| refused("position_counts", count.into(), e))?;
-    let defaults = tater_fw::motion::defaults(case.motor);
     for property in &PROPERTIES {
         let value = property.get(&case.config);
-        if value != property.get(&defaults) {
+        // What has another unit with MR, MPK or POLES is set after them.
+        let present = node.application().map(|board| property.get(board.config()));
+        if present != Some(value) {
             set(&mut node, property.property, value).map_err(|e| refused(property.name, value, e))?;
         }
     }

@@ -50,6 +50,7 @@ pub use shipped::{SHIPPED, Shipped};
 use servo_core::mode::Mode;
 use servo_core::{Command, Config};
 use tater_wire::MotorKind;
+use tater_wire::property::Range;
 
 use crate::metrics::{self, Metric, Metrics, Value, Window};
 use crate::properties::Property;
@@ -109,6 +110,8 @@ pub struct Case {
     pub plant: PlantParams,
     /// Its properties at the start.
     pub config: Config,
+    /// Its joint's range, JLO and JHI; `None`: that of the kind.
+    pub range: Option<Range>,
 }
 
 /// The plant's state at the start of a run.

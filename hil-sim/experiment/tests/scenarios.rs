@@ -161,7 +161,7 @@ const BAD: &[(&str, &str, &str, [&str; 3])] = &[
     ("motor = \"link\"", "motor =", "x.toml:3", ["motor", "expected", "next"]),
     ("ke_v_s = 0.06", "ke_v_s = nan", "x.toml:7", ["ke_v_s", "NaN", "a finite number"]),
     ("ke_v_s = 0.06", "ke_v_s = inf", "x.toml:7", ["ke_v_s", "inf", "a finite number"]),
-    ("ke_v_s = 0.06", "ke_v_s = 7", "x.toml:7", ["ke_v_s is out of range", "ke_v_s = 7", "0.001 to 1"]),
+    ("ke_v_s = 0.06", "ke_v_s = 7", "x.toml:7", ["ke_v_s is out of range", "ke_v_s = 7", "0.001 to 5"]),
     ("ke_v_s = 0.06", "bus_v = 0", "x.toml:7", ["bus_v is out of range", "bus_v = 0", "1 to 60"]),
     (
         "ke_v_s = 0.06",

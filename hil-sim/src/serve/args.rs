@@ -1,5 +1,8 @@
 //! The boards on the bus and the host's connection.
 
+use std::path::PathBuf;
+
+use hil_experiment::motor_file::MotorFile;
 use hil_world::board::SimBoard;
 use hil_world::node::{Node, store};
 use tater_fw::Board;
@@ -39,6 +42,9 @@ pub struct BusArgs {
     /// Seed of the sensor noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// A motor that a file describes, on every board (docs/motor.md).
+    #[arg(long, value_name = "FILE")]
+    motor: Option<PathBuf>,
     #[command(flatten)]
     figures: Figures,
 }
@@ -93,10 +99,16 @@ impl BusArgs {
                 "omit the option for 0",
             ));
         }
+        let motor_file = self.motor.as_deref().map(MotorFile::read).transpose()?;
+        let figures = Figures { motor_file, ..self.figures.clone() };
         let board = |id: u8| {
             let id = Id::new(id).unwrap_or(Id::HOST);
             let seed = self.seed ^ u64::from(id.number());
-            let mut board = SimBoard::new(self.figures.motor(MotorKind::of(id), 0.0, seed)?, id);
+            let kind = MotorKind::of(id);
+            let mut board = SimBoard::new(figures.motor(kind, 0.0, seed)?, id);
+            if let Some(file) = &figures.motor_file {
+                file.store(kind, &mut board);
+            }
             store(board.flash(), Property::HOSTUNITS, self.host_units);
             Ok(Node::new(board))
         };

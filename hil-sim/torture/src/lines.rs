@@ -8,11 +8,60 @@ use rand_pcg::Pcg64Mcg;
 use tater_wire::Property;
 
 /// Properties that random lines and frames name. HOSTUNITS is none of them: GOD is a host of this project's units, and every value would
-/// mean something else.
-pub const PROPERTIES: &[Property] = match Property::ALL {
-    [rest @ .., Property::HOSTUNITS] => rest,
-    all => all,
+/// mean something else. Nor are those that describe the motor and its joint: the plant would be another.
+pub const PROPERTIES: &[Property] = {
+    const ALL: ([Property; 128], usize) = {
+        let (mut all, mut len, mut rest) = ([Property::VERS; 128], 0, Property::ALL);
+        while let [property, others @ ..] = rest {
+            if !is_stated(*property) {
+                all[len] = *property;
+                len += 1;
+            }
+            rest = others;
+        }
+        (all, len)
+    };
+    ALL.0.split_at(ALL.1).0
 };
+
+/// Whether a property states what the motor, its joint or its host is.
+const fn is_stated(property: Property) -> bool {
+    use Property as P;
+    matches!(
+        property,
+        P::HOSTUNITS
+            | P::MR
+            | P::MPK
+            | P::MKT
+            | P::MJ
+            | P::ML
+            | P::MVN
+            | P::MWX
+            | P::MWJ
+            | P::MWR
+            | P::KBW
+            | P::FIT
+            | P::JLO
+            | P::JHI
+    )
+}
+
+/// The range of a property's values on this hand: its row's, or what its motor may be taken for.
+pub const fn range(property: Property) -> (i64, i64) {
+    use Property as P;
+    match property {
+        P::MKA => (400, 5000),
+        P::MKE => (1600, 5000),
+        P::MFC => (0, 100),
+        P::MFS => (0, 130),
+        P::MTE => (0, 1000),
+        P::POLES => (6, 6),
+        P::CTS => (18, 18),
+        P::MECH => (0, 17),
+        P::IPNM => (1575, 1575),
+        _ => (property.row().min, property.row().max),
+    }
+}
 
 /// One of several.
 ///
@@ -95,7 +144,15 @@ fn board_line(rng: &mut Pcg64Mcg) -> String {
         8 => format!("{nodes} S T {}", rng.random_range(-990..=990)),
         // Properties that shape a motion, on every board.
         9 => format!("1234567 S {} {}", one(rng, &["MT", "MV", "KPV", "KP"]), rng.random_range(0..=1000)),
-        _ => format!("{nodes} S {} {}", row.name, value(rng, row.min, row.max)),
+        _ => {
+            let (min, max) = range(property);
+            let text = value(rng, min, max);
+            // The board would take it, for another motor.
+            let is_another = text
+                .parse::<i64>()
+                .is_ok_and(|value| (min, max) != (row.min, row.max) && !(min..=max).contains(&value));
+            format!("{nodes} S {} {}", row.name, if is_another { "-1" } else { &text })
+        }
     }
 }
 

@@ -299,14 +299,14 @@ pub fn frame(rng: &mut Pcg64Mcg) -> Frame {
         if rng.random_ratio(1, 4) {
             return Message::get(to, property).frame();
         }
-        let row = property.row();
+        let (min, max) = lines::range(property);
         let value = match property {
             Property::M | Property::E | Property::P => rng.random_range(-60..=360),
             Property::CMD => i64::from(*one(rng, &[13u8, 13, 14, 15, 16, 17, 18, 19, 20, 21, 7, 0, 1, 3])),
             Property::STAT => *one(rng, &[2, 2, 2, 0]),
             Property::V => rng.random_range(-1_000..=1_000),
-            _ if rng.random_ratio(1, 8) => *one(rng, &[row.min, row.max]),
-            _ => rng.random_range(row.min..=row.max),
+            _ if rng.random_ratio(1, 8) => *one(rng, &[min, max]),
+            _ => rng.random_range(min..=max),
         };
         if let Some(message) = Message::set(to, property, value) {
             return message.frame();

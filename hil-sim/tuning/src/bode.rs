@@ -246,17 +246,17 @@ impl Run {
     fn reference_torque(&self, of: Loop, sample: &Sample) -> f64 {
         let config = &self.case.config;
         let velocity: f64 = sample.status.setpoint_velocity.0.to_num();
-        let friction = f64::from(config.mfc);
+        let friction = f64::from(config.motor.mfc);
         match of {
             Loop::Velocity if velocity == 0.0 || config.kpv == 0 => 0.0,
             Loop::Velocity => f64::from(config.kpv) / 16.0 * velocity + friction * velocity.signum(),
             Loop::Position => {
                 let before: f64 = self.last.map_or(0.0, |last| last.status.setpoint_velocity.0.to_num());
                 let position = sample.setpoint_counts() - self.middle as f64;
-                let damping = f64::from(config.kd) / 256.0 + f64::from(config.mke) / 4096.0;
+                let damping = f64::from(config.kd) / 256.0 + f64::from(config.motor.mke) / 4096.0;
                 f64::from(config.kp) * position
                     + damping * velocity
-                    + (velocity - before) * TICK_HZ / (f64::from(config.mka) / 16.0)
+                    + (velocity - before) * TICK_HZ / (f64::from(config.motor.mka) / 16.0)
                     + friction * (velocity / 2.0).clamp(-1.0, 1.0)
             }
         }

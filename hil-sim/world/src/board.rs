@@ -1,6 +1,7 @@
 //! The simulated hardware of one motor board: the rig in place of the pins, a flash, a CAN controller's mailboxes.
 //! It implements [`tater_fw::Board`] and makes no decisions.
 
+use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Bridge;
 use tater_fw::tater::heat::COLD;
 use tater_fw::{Analog, Board};
@@ -210,6 +211,7 @@ impl SimBoard {
 
 impl Board for SimBoard {
     type Flash = SimFlash;
+    const FIGURES: BoardFigures = BoardFigures::TATER;
 
     fn bridge(&mut self, bridge: Bridge) {
         self.bridge = bridge;

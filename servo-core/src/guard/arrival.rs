@@ -1,27 +1,66 @@
 //! MPE: when a move counts as arrived (manual 5.5 case 2), and when it gives up (decisions 0007 and 0049).
 
+use crate::motor::Motor;
+use crate::num::{root_within, saturating_i16};
 use crate::units::{CountsPerSec, Micros, Torque};
 
-/// Largest measured velocity at an arrival, either way. The true one may be higher by what the estimator lags behind a change.
-const SLOW: CountsPerSec = CountsPerSec::from_int(25);
+/// How slow a rotor must be, and which torque may move it; of the hand's motor in brackets.
+///
+/// Friction F stops a rotor that coasts with v within v²/(2·B·F) counts: the hand's from 25 counts/s within 0.073 counts. That is the same way
+/// of every motor, so the speeds are in proportion to √(B·F). A motor with much friction is not allowed more than the hand's, which is what an
+/// arrival promises; one without is stopped by its loop, and 40 % is what that leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rest {
+    /// Largest measured velocity at an arrival, either way (25). The true one may be higher by what the estimator lags behind a change.
+    slow: CountsPerSec,
+    /// Observed velocity at an arrival in the very cell of the end (6); up to `slower` (20) if no edge has come for [`QUIET_CELL`]. It must
+    /// last for four ticks; for five if the last edge is that long ago at their beginning, since then it is the model's word alone: a rotor that
+    /// is faster is stopped by its friction meanwhile (4270 counts/s²).
+    still: CountsPerSec,
+    slower: CountsPerSec,
+    /// Observed velocity below which a rotor within two cells does not move (130): a joint pressed on an object by a high KP shakes within two
+    /// cells at 200 counts/s (torture seed 1330008105), one that rests on its stop at a boundary is observed at up to 106, since each edge says
+    /// that it moves (1350001410).
+    hunting: CountsPerSec,
+    /// Torque that may be about to break the rotor loose: friction at rest and 30 % (82).
+    pushes: u16,
+}
+
+/// MKA · MFC of the hand's motor over 16.
+const HAND_STOPPING: u32 = 1454 * 47 / 16;
+
+impl Rest {
+    /// Of a motor.
+    #[must_use]
+    pub fn new(motor: &Motor) -> Self {
+        let stopping = u32::from(motor.mka) * u32::from(motor.mfc) / 16;
+        // Percent, 40 to 100.
+        let share = root_within(stopping.min(HAND_STOPPING) * 10_000 / HAND_STOPPING, 40, 100);
+        let speed =
+            |hands: u32| CountsPerSec::from_int(saturating_i16(((hands * share + 50) / 100).cast_signed()));
+        let friction = motor.stiction();
+        Self {
+            slow: speed(25),
+            still: speed(6),
+            slower: speed(20),
+            hunting: speed(130),
+            pushes: (friction + (friction * 3 + 1) / 10).max(10),
+        }
+    }
+}
 
 /// Time without a hall edge before an arrival. A rotor that turns round within the window stands for an instant only, and at
 /// an edge of reversal the estimator knows no velocity. At ACCEL 30 the last edge is 34 ms before the end of the profile.
 const QUIET: Micros = Micros(24_000);
 
-/// The same while more torque than a joint's friction is applied, 63 units and 30 %: it may be about to break the rotor loose.
+/// The same while more than [`Rest::pushes`] is applied: it may be about to break the rotor loose.
 /// 60 ms let 5 % of scattered links arrive above 23 counts/s, 24 ms above 68 (tests/arrival.rs measures it).
 const QUIET_PUSHED: Micros = Micros(60_000);
-const FRICTION: Torque = Torque(82);
 
 /// How long a rotor counts as pushed after that torque, ms: a high KP changes the sign of its torque all the time.
 const PUSHED_MS: u8 = 8;
 
-/// Observed velocity at an arrival in the very cell of the end; up to [`SLOWER`] if no edge has come for [`QUIET_CELL`]. It must last for
-/// four ticks; for five if the last edge is that long ago at their beginning, since then it is the model's word alone: a rotor that is
-/// faster is stopped by its friction meanwhile (4270 counts/s²).
-const STILL: CountsPerSec = CountsPerSec::from_int(6);
-const SLOWER: CountsPerSec = CountsPerSec::from_int(20);
+/// Time without an edge from which a rotor in the cell of the end may be observed at [`Rest::slower`].
 const QUIET_CELL: Micros = Micros(12_000);
 /// Least time since the last edge: a rotor that has just come into the cell is as fast as it is, whatever the model says. With the four ticks
 /// it is 10 ms, in which one of 100 counts/s passes the cell. More torque than friction takes [`QUIET`]: what is taken for the load that it
@@ -30,11 +69,8 @@ const QUIET_LEAST: Micros = Micros(6_000);
 const STILL_MS: u8 = 4;
 const STILL_SLOW_MS: u8 = 5;
 
-/// Time within two cells that is no motion any more, ms, and the observed velocity below which it is none: a joint pressed on an object by a
-/// high KP shakes within two cells at 200 counts/s (torture seed 1330008105), one that rests on its stop at a boundary is observed at up to
-/// 106, since each edge says that it moves (1350001410).
+/// Time within two cells that is no motion any more, ms: see [`Rest::hunting`].
 const HUNTING_MS: u16 = 250;
-const HUNTING: CountsPerSec = CountsPerSec::from_int(130);
 
 /// Time since the end of the profile within which the servo brings the rotor into the end's own cell: an arrival elsewhere waits for it.
 const SETTLING_MS: u32 = 60;
@@ -56,9 +92,14 @@ pub struct Quiet {
 
 /// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away.
 #[must_use]
-pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, quiet: Quiet) -> bool {
+pub fn arrived(rest: &Rest, left: i32, mpe: u16, velocity: CountsPerSec, quiet: Quiet) -> bool {
     let is_quiet = if quiet.is_pushed { quiet.pushed.0 >= QUIET_PUSHED.0 } else { quiet.free.0 >= QUIET.0 };
-    left.unsigned_abs() <= u32::from(mpe) && is_quiet && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
+    left.unsigned_abs() <= u32::from(mpe) && is_quiet && within(velocity, rest.slow)
+}
+
+/// Whether a velocity is `most` or less, either way.
+fn within(velocity: CountsPerSec, most: CountsPerSec) -> bool {
+    (most.saturating_neg()..=most).contains(&velocity)
 }
 
 /// How long a move has waited for its motor: with a set-point that rests on the end, or that stops for a rotor that lags. A
@@ -108,8 +149,8 @@ impl Arrival {
     /// One tick of 1 ms of the move, in which `torque` is applied. One that has grown by a joint's friction is a new push: the servo that pulls
     /// a rotor into the end's cell ever harder has just broken it loose, 10 ms before its edge.
     #[inline]
-    pub fn push(&mut self, torque: Torque) {
-        let (by, friction) = (torque.0.unsigned_abs(), FRICTION.0.unsigned_abs());
+    pub fn push(&mut self, rest: &Rest, torque: Torque) {
+        let (by, friction) = (torque.0.unsigned_abs(), rest.pushes);
         if by > friction {
             self.pushed_ms = PUSHED_MS;
         } else if self.pushed_ms == 0 {
@@ -139,10 +180,10 @@ impl Arrival {
 
     /// One tick of 1 ms after the end of a profile, `left` counts from it and `quiet` after the last edge.
     /// Whether the rotor rests in the cell of the end.
-    pub fn rests(&mut self, left: i32, velocity: CountsPerSec, quiet: Micros) -> bool {
-        let within = |most: CountsPerSec| (most.saturating_neg()..=most).contains(&velocity);
+    pub fn rests(&mut self, rest: &Rest, left: i32, velocity: CountsPerSec, quiet: Micros) -> bool {
         let still = left == 0
-            && (within(STILL) && quiet.0 >= QUIET_LEAST.0 || within(SLOWER) && quiet.0 >= QUIET_CELL.0);
+            && (within(velocity, rest.still) && quiet.0 >= QUIET_LEAST.0
+                || within(velocity, rest.slower) && quiet.0 >= QUIET_CELL.0);
         if !still {
             self.still_ms = 0;
             return false;
@@ -156,15 +197,14 @@ impl Arrival {
 
     /// One tick of 1 ms after the end of a profile, `left` counts from it. Whether the rotor has stayed within two neighboring cells for so
     /// long, and so slow, that it is at their boundary: one that rests on its stop there is never quiet.
-    pub fn hunts(&mut self, left: i32, velocity: CountsPerSec) -> bool {
+    pub fn hunts(&mut self, rest: &Rest, left: i32, velocity: CountsPerSec) -> bool {
         let (low, high) = (self.cells.0.min(left), self.cells.1.max(left));
-        let is_slow = (HUNTING.saturating_neg()..=HUNTING).contains(&velocity);
-        if high.saturating_sub(low) > 1 || !is_slow {
+        if high.saturating_sub(low) > 1 || !within(velocity, rest.hunting) {
             (self.cells, self.hunting_ms) = ((left, left), 0);
         } else {
             (self.cells, self.hunting_ms) = ((low, high), self.hunting_ms.saturating_add(1));
         }
-        self.hunting_ms >= HUNTING_MS && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
+        self.hunting_ms >= HUNTING_MS && within(velocity, rest.slow)
     }
 
     /// Whether the servo has had its time to bring the rotor into the cell of the end.
@@ -195,6 +235,10 @@ impl Arrival {
 mod tests {
     use super::*;
 
+    fn hand() -> Rest {
+        Rest::new(&Motor::HAND)
+    }
+
     const STILL: Quiet = Quiet { free: Micros(300_000), pushed: Micros(300_000), is_pushed: false };
 
     #[test]
@@ -215,7 +259,7 @@ mod tests {
             (i32::MIN, u16::MAX, 0, STILL, false),
         ];
         for (left, mpe, velocity, quiet, expected) in rows {
-            let found = arrived(left, mpe, CountsPerSec::from_int(velocity), quiet);
+            let found = arrived(&hand(), left, mpe, CountsPerSec::from_int(velocity), quiet);
             assert_eq!(found, expected, "{left} of {mpe} counts at {velocity} counts/s, {quiet:?}");
         }
     }
@@ -237,7 +281,7 @@ mod tests {
     fn time_of_a_pushed_rotor_counts_from_the_latest_of_edge_end_and_push() {
         let mut arrival = Arrival::of(false);
         let mut pushed = |torque, edge_us| {
-            arrival.push(Torque(torque));
+            arrival.push(&hand(), Torque(torque));
             arrival.settle(Micros(edge_us), 4).pushed.0
         };
         assert_eq!(
@@ -262,8 +306,8 @@ mod tests {
     fn rests_after(left: i32, velocity: i16, torque: i16, quiet: Micros) -> Option<u8> {
         let mut arrival = Arrival::of(false);
         (1..50).find(|_| {
-            arrival.push(Torque(torque));
-            arrival.rests(left, CountsPerSec::from_int(velocity), quiet)
+            arrival.push(&hand(), Torque(torque));
+            arrival.rests(&hand(), left, CountsPerSec::from_int(velocity), quiet)
         })
     }
 
@@ -271,7 +315,7 @@ mod tests {
     fn rotor_is_pushed_for_eight_ms_after_more_torque_than_friction() {
         let mut arrival = Arrival::of(false);
         let mut pushed = |torque| {
-            arrival.push(Torque(torque));
+            arrival.push(&hand(), Torque(torque));
             arrival.settle(STILL.free, 4).is_pushed
         };
         assert_eq!([82, -82, 83, -82].map(&mut pushed), [false, false, true, true]);
@@ -319,14 +363,14 @@ mod tests {
     fn rest_begins_anew_when_the_rotor_moves() {
         let mut arrival = Arrival::of(false);
         for velocity in [0, 0, 0, 7, 0, 0, 0] {
-            assert!(!arrival.rests(0, CountsPerSec::from_int(velocity), QUIET_LEAST));
+            assert!(!arrival.rests(&hand(), 0, CountsPerSec::from_int(velocity), QUIET_LEAST));
         }
-        assert!(arrival.rests(0, CountsPerSec::ZERO, QUIET_LEAST));
+        assert!(arrival.rests(&hand(), 0, CountsPerSec::ZERO, QUIET_LEAST));
     }
 
     #[test]
     fn rotor_hunts_that_stays_slow_within_two_cells_for_250_ms() {
-        let slow = HUNTING.0.to_num::<i16>();
+        let slow = hand().hunting.0.to_num::<i16>();
         for (span, speed, hunts) in [
             (0, 0, true),
             (1, slow, true),
@@ -338,8 +382,8 @@ mod tests {
             let mut arrival = Arrival::of(false);
             // Every other tick at this speed.
             let speed = |tick| CountsPerSec::from_int(if tick % 2 == 0 { speed } else { 0 });
-            let ticks =
-                (1..1000).find(|&tick| arrival.hunts(-3 + span * (i32::from(tick) / 20 % 2), speed(tick)));
+            let ticks = (1..1000)
+                .find(|&tick| arrival.hunts(&hand(), -3 + span * (i32::from(tick) / 20 % 2), speed(tick)));
             // The first tick only shows where it is.
             assert_eq!(
                 ticks.is_some_and(|ticks: i16| (250..=251).contains(&ticks)),

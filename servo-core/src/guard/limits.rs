@@ -4,44 +4,107 @@
 //! It then becomes a voltage, and the voltage a duty that the bootstrap drivers can deliver (decision 0005).
 
 use crate::guard::fault::LimitCause;
-use crate::guard::supply::{self, Supply};
-use crate::num::{Law, mul_low_unsigned, saturating_i16, share_q32};
+use crate::guard::supply::{Bus, Supply};
+use crate::motor::{BoardFigures, Motor};
+use crate::num::{Law, half_up, mul_low, mul_low_unsigned, saturating_i16};
 use crate::units::{Duty, MilliAmps, MilliVolts, Torque};
+use core::num::NonZeroU32;
 
 /// Largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers recharge their bootstrap
 /// capacitors in the rest. At 24 V this is also MT's maximum; at 20 V it gives T = 825.
 const MAX_DUTY: u32 = 990;
 
-/// Phase current above which torque is cut back, mA: 10 % over the motor's 9.98 A at peak torque.
-const PEAK_MA: i32 = 11_000;
-
-/// Phase current that only a short circuit or another motor draws, mA: 24 V across 2.405 Ω − 30 % is 14.3 A.
-const SHORT_MA: i32 = 15_000;
-
 /// Least duty at which the current is judged, in 1/32768.
 const LEAST_DUTY: i32 = 1 << 11;
 
-/// Bus current below that of `PEAK_MA` at every duty from `LEAST_DUTY` on, mA: at `LEAST_DUTY` the peak draws 687.
-const LITTLE_MA: i32 = 640;
-const _: () = assert!(LITTLE_MA << 15 <= LEAST_DUTY * PEAK_MA);
-
-/// Consecutive ticks above `SHORT_MA` that are a fault. The comparator on the bridge acts within microseconds.
+/// Consecutive ticks above [`Scale::short_ma`] that are a fault. The comparator on the bridge acts within microseconds.
 const SHORT_MS: u8 = 5;
-
-/// Power that is noise, mA·mV/256: two thirds of a step of the converter, 9.8 mA, at 24 V.
-const NOISE: i32 = 620;
 
 /// Recovery of the current limit, torque units a ms: full torque within 100 ms.
 const RECOVERY: i16 = 10;
 
-/// Least voltage against a torque at which the current is judged, torque units: noise makes a current of 22 units there.
-const LEAST_BRAKING: i32 = 32;
-
-/// Largest EMF that can be missing, torque units: at 24 V no other adds to a torque.
-const MOST_EMF: i32 = 1024;
-
 /// No current limit: above every torque limit.
 const NO_CUT: i16 = 1024;
+
+/// Currents, voltages and powers in torque units.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scale {
+    /// Voltage of 1024 units over 128, mV.
+    eighths_mv: i32,
+    /// `MAX_DUTY` over the voltage of 1024 units in mV, 2^-32.
+    share: u32,
+    /// Supply current below that of the peak at every duty from `LEAST_DUTY` on, mA.
+    little_ma: i32,
+    /// Phase current above which torque is cut back, mA: 10 % over the peak.
+    peak_ma: i32,
+    /// Phase current that only a short circuit or another motor draws, mA: half more than the peak; 24 V across 2.405 Ω − 30 % is 14.3 A.
+    short_ma: i32,
+    /// Current that is four torque units, mA.
+    four_units_ma: NonZeroU32,
+    /// mA·mV/256 in the square of torque units, less an eighth, 2^-16; 1 for the hand's motor of 239.5 W.
+    power: i32,
+    /// Power that is noise: two thirds of a step of the converter, 9.8 mA, at 24 V.
+    noise: i32,
+    /// Least voltage against a torque at which the current is judged: noise makes a current of 22 units there, 2 % of the peak.
+    least_braking: i32,
+    /// Largest EMF that can be missing: the supply's voltage, because no other adds to a torque.
+    most_emf: i32,
+    /// Largest torque of a motor that is shorted to brake, because its bus takes no more: what the bridge switches.
+    shorted: i32,
+    /// Ripple of the current over |U|·(1 − |duty|), 2^-10: see [`Scale::dead_time`].
+    ripple: i32,
+    /// Duty that dead time takes of the supply, 1/32768, and that of a quarter of a millivolt that two diodes take.
+    dead: i32,
+    diodes: i32,
+    bus: Bus,
+}
+
+impl Scale {
+    /// Of a motor that fits the board.
+    #[must_use]
+    pub fn new(motor: &Motor, board: &BoardFigures) -> Self {
+        let full = motor.full_mv();
+        let peak = u32::from(motor.mpk);
+        let lag = u32::from(motor.mte.max(1));
+        let signed = |n: u64, d: u64| half_up(n, d).cast_signed();
+        // 24 V · 9980 mA of the hand's motor.
+        let power = signed(239_520_000 << 16, u64::from(full) * u64::from(peak));
+        let of_noise = |hands: i32| mul_low(hands, power, 16);
+        let peak_ma = (peak + peak / 10).cast_signed();
+        Self {
+            eighths_mv: (full * 8).cast_signed(),
+            // Rounded up, so that an exact product is not rounded down.
+            share: half_up(u64::from(MAX_DUTY) << 32, full.into()) + 1,
+            // Of 1/16 less 6 %.
+            little_ma: peak_ma / 17,
+            peak_ma,
+            short_ma: (peak + peak / 2).cast_signed(),
+            four_units_ma: NonZeroU32::new(peak / 256).unwrap_or(NonZeroU32::MIN),
+            power,
+            noise: of_noise(620),
+            least_braking: of_noise(32),
+            most_emf: signed(u64::from(motor.mvn) * 100 * 1024, full.into()),
+            shorted: signed(u64::from(board.shorted_ma) * 1024, peak.into()),
+            // Half a period over τₑ.
+            // To the nearest.
+            ripple: ((board.half_period + lag / 2) / lag).min(1024).cast_signed(),
+            dead: board.dead,
+            diodes: board.diodes,
+            bus: Bus::new(motor),
+        }
+    }
+
+    /// The supply that the board is on.
+    #[must_use]
+    pub const fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
+    /// Largest voltage across the motor: `bus` · `MAX_DUTY` over the voltage of 1024 units, rounded down. The product's error is below 1/65536.
+    fn volts(&self, bus: MilliVolts) -> i32 {
+        mul_low_unsigned(bus.0.into(), self.share, 32).cast_signed()
+    }
+}
 
 /// A commanded torque after the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,22 +160,22 @@ impl Default for TorqueLimiter {
 
 impl TorqueLimiter {
     /// One tick in idle, which shows the supply without this motor.
-    pub fn idle(&mut self, bus: MilliVolts) {
-        self.supply.learn(bus);
+    pub fn idle(&mut self, scale: &Scale, bus: MilliVolts) {
+        self.supply.learn(&scale.bus, bus);
     }
 
     /// Checks the bus current at the duty applied since the last tick (duty × phase current); below 1/16 duty the quotient
     /// is noise. Returns whether the phase current has been that of a short circuit for several ticks: a fault.
     #[inline]
-    pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) -> bool {
-        if (-LITTLE_MA..=LITTLE_MA).contains(&i32::from(bus.0)) {
+    pub fn watch_current(&mut self, scale: &Scale, bus: MilliAmps, applied: Duty) -> bool {
+        if (-scale.little_ma..=scale.little_ma).contains(&i32::from(bus.0)) {
             return self.recover();
         }
         let duty = i32::from(applied.0.to_bits()).abs();
-        // At most 2^30; the peak times the duty is below 2^29.
+        // At most 2^30, and so is the peak times the duty.
         let current = i32::from(bus.0).abs() << 15;
-        if duty >= LEAST_DUTY && current > duty * PEAK_MA {
-            return self.cut_back(current / duty);
+        if duty >= LEAST_DUTY && current > duty * scale.peak_ma {
+            return self.cut_back(scale, current / duty);
         }
         self.recover()
     }
@@ -127,11 +190,12 @@ impl TorqueLimiter {
     }
 
     #[inline(never)]
-    fn cut_back(&mut self, phase: i32) -> bool {
-        // 1 A over the peak is about 100 torque units; removing a quarter of it a tick settles in a few ticks.
-        let cut = i16::try_from(phase.saturating_sub(PEAK_MA) / 40).unwrap_or(NO_CUT);
+    fn cut_back(&mut self, scale: &Scale, phase: i32) -> bool {
+        // Removing a quarter of the excess a tick settles in a few ticks.
+        let excess = phase.saturating_sub(scale.peak_ma).max(0).unsigned_abs();
+        let cut = i16::try_from(excess / scale.four_units_ma).unwrap_or(NO_CUT);
         self.left = self.left.saturating_sub(cut).max(0);
-        self.short_ms = if phase > SHORT_MA { self.short_ms.saturating_add(1) } else { 0 };
+        self.short_ms = if phase > scale.short_ma { self.short_ms.saturating_add(1) } else { 0 };
         self.short_ms >= SHORT_MS
     }
 
@@ -140,29 +204,29 @@ impl TorqueLimiter {
     #[inline]
     pub fn envelope(
         &mut self,
-        mt: Torque,
-        thermal: Torque,
+        scale: &Scale,
+        (mt, thermal): (Torque, Torque),
         emf: i32,
         bus: MilliVolts,
         last: &LastTick,
     ) -> TorqueEnvelope {
         let current = Torque(self.left);
         let mut most = i32::from(mt.0).min(thermal.0.into()).min(self.left.into());
-        let mut volts = volts(bus);
-        if let Some(folded) = self.supply.fold(bus) {
+        let mut volts = scale.volts(bus);
+        if let Some(folded) = self.supply.fold(&scale.bus, bus) {
             most = most.min(folded.0.into());
             // A rotor that hits a stop at speed is estimated to run on for some ms: its EMF would be compensated.
-            volts = volts.min(i32::from(folded.0));
+            volts = volts.min((i32::from(folded.0) * scale.most_emf) >> 10);
         }
-        // U·I is power, and no dead time enters it: I = mA·mV · 1024²/(24·9980·1000 · |U|) = (mA·mV · 1.148/256)/|U|, torque units. Without the
-        // 1.148 a current may be 9/8 of its limit, and 2 % more.
-        let power = (i32::from(last.current.0) * i32::from(bus.0)) >> 8;
+        // U·I is power, and no dead time enters it: I is U·I over |U|, torque units. [`Scale::power`] is an eighth too low, so that a current may be
+        // 9/8 of its limit.
+        let power = mul_low((i32::from(last.current.0) * i32::from(bus.0)) >> 8, scale.power, 16);
         // A voltage against the torque brakes: it returns current, and draws none. An eighth is allowed: both numbers are small, so that their two
         // highest bits are equal.
         let braking_shift = (last.applied.volts ^ i32::from(last.applied.torque.0)).cast_unsigned() >> 30;
-        let exceeds = power > last.applied.volts.abs() * (most >> braking_shift) + NOISE;
+        let exceeds = power > last.applied.volts.abs() * (most >> braking_shift) + scale.noise;
         let emf = if exceeds || self.missing_emf != 0 {
-            self.without_missing(emf, power - NOISE, most, last.applied, last.counted)
+            self.without_missing(scale, emf, power - scale.noise, most, last)
         } else {
             emf
         };
@@ -176,22 +240,16 @@ impl TorqueLimiter {
     /// an EMF was compensated that the rotor does not have, of a speed or a Ke that is wrong. It stays missing until a count shows that the
     /// rotor turns. The same holds for a rotor that is braked and draws current: too high an EMF drives it on, against its torque.
     #[inline(never)]
-    fn without_missing(
-        &mut self,
-        emf: i32,
-        power: i32,
-        most: i32,
-        applied: &AppliedTorque,
-        counted: bool,
-    ) -> i32 {
+    fn without_missing(&mut self, scale: &Scale, emf: i32, power: i32, most: i32, last: &LastTick) -> i32 {
+        let LastTick { applied, counted, .. } = *last;
         let power = power + (power >> 3);
         let torque = i32::from(applied.torque.0);
         let (volts, adds) = (applied.volts.abs(), (emf ^ torque) >= 0);
-        let brakes = volts >= LEAST_BRAKING && (applied.volts ^ torque) < 0;
+        let brakes = volts >= scale.least_braking && (applied.volts ^ torque) < 0;
         let draws = brakes && (power > 0 || self.missing_emf < 0);
         let over = if draws {
             // The current that the torque lacks.
-            torque.abs() + power / volts
+            torque.abs() + power / volts.max(1)
         } else if adds && volts > 0 {
             let over = power / volts - (most + (most >> 3));
             // The current has risen to two thirds in the mean of its first tick.
@@ -202,7 +260,7 @@ impl TorqueLimiter {
         };
         if over > 0 || counted {
             let before = if draws { -self.missing_emf } else { self.missing_emf };
-            let missing = (before.max(0) + over).clamp(0, MOST_EMF);
+            let missing = (before.max(0) + over).max(0).min(scale.most_emf);
             self.missing_emf = if draws { -missing } else { missing };
         }
         let missing = if adds { self.missing_emf } else { -self.missing_emf };
@@ -210,41 +268,36 @@ impl TorqueLimiter {
     }
 }
 
-/// Largest voltage across the motor, in torque units: `bus` · `MAX_DUTY` / 24,000, rounded down. The product's error is below
-/// 1/65536, and fractions are multiples of 1/800, so the rounding is exact.
-fn volts(bus: MilliVolts) -> i32 {
-    const SHARE: u32 = share_q32(MAX_DUTY, 24_000);
-    mul_low_unsigned(bus.0.into(), SHARE, 32).cast_signed()
-}
-
 /// [`MAX_DUTY`] in 1/32768.
 const MOST_DUTY: i32 = 31_680;
 
-/// The duty that the bridge's dead time takes, 1/32768, with the sign of the current: for 0.5 µs of each 50 µs the current flows
-/// through a diode of 0.8 V instead of a switch, in both legs. Where the ripple of the current passes zero it takes nothing:
-///
-/// ```text
-/// i_ripple = |U|·(1 − |duty|)·50 µs/(4·2·L)·R     0.075 of |U|, torque units; L = 0.4 mH and R = 1.2 Ω a phase
-/// ```
-///
-/// `quarter` is a quarter of the bus voltage in mV.
-fn dead_time(volts: i32, torque: i32, duty: i32, quarter: i32) -> i32 {
-    // |volts| < 2^12 and |duty| < 2^15, so the product is below 2^27.
-    if torque == 0 {
-        return 0;
+impl Scale {
+    /// The duty that the bridge's dead time takes, 1/32768, with the sign of the current: for 0.5 µs of each 50 µs the current flows
+    /// through a diode of 0.8 V instead of a switch, in both legs. Where the ripple of the current passes zero it takes nothing; with the
+    /// period t of the PWM and τₑ = L/R of the winding it is
+    ///
+    /// ```text
+    /// i_ripple = |U|·(1 − |duty|)·t/2τₑ         0.075 of |U|, torque units, of the hand's motor
+    /// ```
+    ///
+    /// `quarter` is a quarter of the bus voltage in mV.
+    fn dead_time(&self, volts: i32, torque: i32, duty: i32, quarter: i32) -> i32 {
+        // |volts| < 2^14 and |duty| < 2^15, so the product is below 2^29.
+        if torque == 0 {
+            return 0;
+        }
+        // A voltage has the sign of its duty: |U|·|duty| is U·duty.
+        let ripple = ((volts.abs() << 15) - volts * duty) >> 15;
+        let ripple = (ripple * self.ripple) >> 10;
+        // From none to all within ±1.5 units, in 2^-8.
+        let share = ((torque.abs() - ripple) * 83 + 128).clamp(0, 256);
+        let whole = self.dead + self.diodes / quarter;
+        let lost = (whole * share) >> 8;
+        if torque < 0 { -lost } else { lost }
     }
-    // A voltage has the sign of its duty: |U|·|duty| is U·duty.
-    let ripple = ((volts.abs() << 15) - volts * duty) >> 15;
-    let ripple = (ripple * 77) >> 10;
-    // From none to all within ±1.5 units, in 2^-8.
-    let share = ((torque.abs() - ripple) * 83 + 128).clamp(0, 256);
-    // 1 % of the bus and two diodes.
-    let whole = 328 + 131_072 / quarter;
-    let lost = (whole * share) >> 8;
-    if torque < 0 { -lost } else { lost }
 }
 
-/// Torque and voltage limits of one tick, in torque units (24 V is 1024).
+/// Torque and voltage limits of one tick, in torque units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueEnvelope {
     most: i32,
@@ -287,10 +340,17 @@ impl TorqueEnvelope {
         self.most
     }
 
-    /// Torque of a motor with its terminals shorted.
+    /// Torque of a motor with its terminals shorted, as far as the bridge switches its current.
     #[must_use]
-    pub const fn short(&self) -> Torque {
-        Torque(saturating_i16(-self.emf))
+    pub fn short(&self, scale: &Scale) -> Torque {
+        Torque(saturating_i16(self.switched(scale, -self.emf)))
+    }
+
+    /// A braking torque whose current the bridge switches, within the voltage of the bus.
+    #[inline(never)]
+    fn switched(&self, scale: &Scale, torque: i32) -> i32 {
+        let torque = torque.max(-scale.shorted).min(scale.shorted);
+        torque.max(-self.volts - self.emf).min(self.volts - self.emf)
     }
 
     /// Of equal limits the first in this order.
@@ -309,31 +369,31 @@ impl TorqueEnvelope {
     /// Limits a torque and converts it to a duty. `previous` is the torque of the last tick.
     #[must_use]
     #[inline]
-    pub fn bound(&self, wanted: Torque, previous: Torque) -> AppliedTorque {
+    pub fn bound(&self, scale: &Scale, wanted: Torque, previous: Torque) -> AppliedTorque {
         let mut torque = i32::from(wanted.0);
         let mut limit = None;
         let is_free = torque < self.high
             && torque > self.low
-            && (-supply::FREE..=supply::FREE).contains(&torque)
-            && self.bus <= supply::RETURN_FROM;
+            && (-scale.bus.free..=scale.bus.free).contains(&torque)
+            && self.bus <= scale.bus.return_from;
         if !is_free {
             // A copy, so that the limits stay in registers otherwise.
-            (torque, limit) = { *self }.limited(torque, previous);
+            (torque, limit) = { *self }.limited(scale, torque, previous);
         }
-        // A unit is 23.4375 mV, and 2703 × 23.4375 × 32768 would pass 2^31; a quarter of it does not. The quarter is rounded up
-        // so that the duty stays within its limit.
+        // A voltage of 64 V × 32768 would pass 2^31; a quarter of it does not. The quarter is rounded up so that the duty stays within its limit.
         let volts = torque + self.emf;
         let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
-        let bits = volts * 192_000 / quarter;
-        let bits = (bits + dead_time(volts, torque, bits, quarter)).clamp(-MOST_DUTY, MOST_DUTY);
+        let bits = volts * scale.eighths_mv / quarter;
+        let bits = (bits + scale.dead_time(volts, torque, bits, quarter)).clamp(-MOST_DUTY, MOST_DUTY);
         let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
         AppliedTorque { duty, volts, torque, limit }
     }
 
     /// The nearest torque within all limits, and what limits it.
     #[inline(never)]
-    fn limited(self, mut torque: i32, previous: Torque) -> (i32, Option<LimitCause>) {
+    fn limited(self, scale: &Scale, mut torque: i32, previous: Torque) -> (i32, Option<LimitCause>) {
         let mut limit = None;
+        let supply = &scale.bus;
         // Inside the range the voltage is within its limit too.
         if torque >= self.high || torque <= self.low {
             torque = torque.max(self.low).min(self.high);
@@ -345,18 +405,18 @@ impl TorqueEnvelope {
                 limit = Some(LimitCause::Duty);
             }
         }
-        if !(-supply::FREE..=supply::FREE).contains(&torque) {
-            (torque, limit) = self.risen(torque, previous).unwrap_or((torque, limit));
+        if !(-supply.free..=supply.free).contains(&torque) {
+            (torque, limit) = self.risen(supply, torque, previous).unwrap_or((torque, limit));
         }
-        if self.bus > supply::RETURN_FROM {
-            (torque, limit) = self.without_return(torque).unwrap_or((torque, limit));
+        if self.bus > supply.return_from {
+            (torque, limit) = self.without_return(scale, torque).unwrap_or((torque, limit));
         }
         (torque, limit)
     }
 
     /// The torque and its limit if it would load the supply too suddenly.
-    fn risen(&self, torque: i32, previous: Torque) -> Option<(i32, Option<LimitCause>)> {
-        let risen = supply::risen(torque, previous.0.into());
+    fn risen(&self, supply: &Bus, torque: i32, previous: Torque) -> Option<(i32, Option<LimitCause>)> {
+        let risen = supply.risen(torque, previous.0.into());
         // Braking loads no supply, however hard; nor does the voltage that the EMF lacks.
         let sign = torque.signum();
         let loads = (torque + self.emf).signum() == sign;
@@ -366,10 +426,10 @@ impl TorqueEnvelope {
     }
 
     /// The torque and its limit if it would raise the bus voltage further: more braking, at a lower duty.
-    fn without_return(&self, torque: i32) -> Option<(i32, Option<LimitCause>)> {
+    fn without_return(&self, scale: &Scale, torque: i32) -> Option<(i32, Option<LimitCause>)> {
         let volts = torque + self.emf;
-        let allowed = supply::without_return(volts, torque, self.bus);
-        (allowed != volts).then_some((allowed - self.emf, Some(LimitCause::Duty)))
+        let allowed = scale.bus.without_return(volts, torque, self.bus);
+        (allowed != volts).then(|| (self.switched(scale, allowed - self.emf), Some(LimitCause::Duty)))
     }
 }
 
@@ -379,6 +439,10 @@ mod tests {
     use crate::motion::torque::emf as emf_at;
     use crate::units::CountsPerSec;
     use proptest::prelude::*;
+
+    fn hand() -> Scale {
+        Scale::new(&Motor::HAND, &BoardFigures::TATER)
+    }
 
     const BUS: MilliVolts = MilliVolts(24_000);
     const FULL: Torque = Torque(990);
@@ -394,8 +458,8 @@ mod tests {
 
     fn envelope(mt: i16, speed: i16, bus: MilliVolts) -> TorqueEnvelope {
         TorqueLimiter::default().envelope(
-            Torque(mt),
-            FULL,
+            &hand(),
+            (Torque(mt), FULL),
             emf(CountsPerSec::from_int(speed)),
             bus,
             &LastTick::OFF,
@@ -403,13 +467,14 @@ mod tests {
     }
 
     fn bound(torque: i16, speed: i16, bus: MilliVolts) -> AppliedTorque {
-        envelope(990, speed, bus).bound(Torque(torque), Torque(torque))
+        envelope(990, speed, bus).bound(&hand(), Torque(torque), Torque(torque))
     }
 
     #[test]
     fn slow_rise_of_plugging_torque_keeps_the_duty_limit() {
         // The EMF is far beyond the bus; −990 needs −20 of its ±97, and −512 would need 458.
-        let plugging = envelope(990, 1000, MilliVolts(2_374)).bound(FULL.saturating_neg(), Torque::ZERO);
+        let plugging =
+            envelope(990, 1000, MilliVolts(2_374)).bound(&hand(), FULL.saturating_neg(), Torque::ZERO);
         // No voltage, and the dead time of a current that flows: 1 % of 2.374 V and of 1.6 V.
         assert_eq!((plugging.volts, plugging.duty), (0, Duty::from_bits(-(328 + 220))));
         assert_eq!(plugging.limit, Some(LimitCause::Supply));
@@ -432,9 +497,9 @@ mod tests {
     /// 400 units of EMF at duty 400/1024 have a ripple of 0.075·400·(1 − 0.39) = 18 units.
     #[test]
     fn dead_time_takes_nothing_where_the_ripple_of_the_current_passes_zero() {
-        let envelope = TorqueLimiter::default().envelope(FULL, FULL, 400, BUS, &LastTick::OFF);
+        let envelope = TorqueLimiter::default().envelope(&hand(), (FULL, FULL), 400, BUS, &LastTick::OFF);
         let lost = |torque: i16| {
-            let bounded = envelope.bound(Torque(torque), Torque(torque));
+            let bounded = envelope.bound(&hand(), Torque(torque), Torque(torque));
             assert_eq!(bounded.volts, 400 + i32::from(torque));
             i32::from(bounded.duty.0.to_bits()) - bounded.volts * 32
         };
@@ -505,19 +570,19 @@ mod tests {
     fn least_limit_governs() {
         let mut limits = TorqueLimiter::default();
         let governing = |limits: &mut TorqueLimiter, thermal: i16| {
-            let envelope = limits.envelope(Torque(750), Torque(thermal), 0, BUS, &LastTick::OFF);
-            (envelope.most(), envelope.bound(Torque(900), Torque(900)).limit)
+            let envelope = limits.envelope(&hand(), (Torque(750), Torque(thermal)), 0, BUS, &LastTick::OFF);
+            (envelope.most(), envelope.bound(&hand(), Torque(900), Torque(900)).limit)
         };
         assert_eq!(governing(&mut limits, 990), (Torque(750), Some(LimitCause::Torque)));
         assert_eq!(governing(&mut limits, 300), (Torque(300), Some(LimitCause::Thermal)));
         for _ in 0..30 {
             // Half duty: the bus carries half of a phase current of 13 A.
-            assert!(!limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14)));
+            assert!(!limits.watch_current(&hand(), MilliAmps(6_500), Duty::from_bits(1 << 14)));
         }
         let (least, by) = governing(&mut limits, 990);
         assert!(least < Torque(300) && by == Some(LimitCause::Current), "{least:?} by {by:?}");
         for _ in 0..100 {
-            assert!(!limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14)));
+            assert!(!limits.watch_current(&hand(), MilliAmps(1_000), Duty::from_bits(1 << 14)));
         }
         assert_eq!(governing(&mut limits, 990).1, Some(LimitCause::Torque));
     }
@@ -526,8 +591,8 @@ mod tests {
     fn a_tick_above_the_peak_removes_a_quarter_of_the_excess() {
         let mut limits = TorqueLimiter::default();
         // Half duty, 6 A of bus: 12 A of phase, 1 A or 100 units of torque above the peak.
-        assert!(!limits.watch_current(MilliAmps(6_000), Duty::from_bits(1 << 14)));
-        assert_eq!(limits.left, NO_CUT - 25);
+        assert!(!limits.watch_current(&hand(), MilliAmps(6_000), Duty::from_bits(1 << 14)));
+        assert_eq!(limits.left, NO_CUT - 26);
     }
 
     /// However long: nor does what is below the peak raise the limit for later.
@@ -536,7 +601,7 @@ mod tests {
         for (current, duty) in [(1_000, 1 << 14), (-1_000, 1 << 14), (1_000, (1 << 11) - 1)] {
             let mut limits = TorqueLimiter::default();
             for _ in 0..100 {
-                assert!(!limits.watch_current(MilliAmps(current), Duty::from_bits(duty)));
+                assert!(!limits.watch_current(&hand(), MilliAmps(current), Duty::from_bits(duty)));
                 assert_eq!(limits, TorqueLimiter::default(), "{current} mA at {duty}");
             }
         }
@@ -546,7 +611,7 @@ mod tests {
     fn short_circuit_is_a_fault_after_five_ticks() {
         let mut limits = TorqueLimiter::default();
         for tick in 1..=5 {
-            assert_eq!(limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)), tick >= 5);
+            assert_eq!(limits.watch_current(&hand(), MilliAmps(8_000), Duty::from_bits(1 << 14)), tick >= 5);
         }
     }
 
@@ -555,9 +620,9 @@ mod tests {
         let mut limits = TorqueLimiter::default();
         for between in [MilliAmps(0), MilliAmps(1_000)] {
             for _ in 0..4 {
-                assert!(!limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)));
+                assert!(!limits.watch_current(&hand(), MilliAmps(8_000), Duty::from_bits(1 << 14)));
             }
-            assert!(!limits.watch_current(between, Duty::from_bits(1 << 14)));
+            assert!(!limits.watch_current(&hand(), between, Duty::from_bits(1 << 14)));
         }
     }
 
@@ -573,23 +638,23 @@ mod tests {
             let applied =
                 AppliedTorque { volts: sign * 779, torque: Torque(100 * sign as i16), ..AppliedTorque::OFF };
             let stands = LastTick { current: MilliAmps(5_776), applied: &applied, counted: false };
-            assert_eq!(limits.envelope(most, FULL, emf, BUS, &LastTick::OFF).emf, emf);
-            assert_eq!(limits.envelope(most, FULL, emf, BUS, &stands).emf, 0, "all of it");
+            assert_eq!(limits.envelope(&hand(), (most, FULL), emf, BUS, &LastTick::OFF).emf, emf);
+            assert_eq!(limits.envelope(&hand(), (most, FULL), emf, BUS, &stands).emf, 0, "all of it");
             let freed = AppliedTorque { volts: sign * 100, ..applied };
             let fits = LastTick { current: MilliAmps(95), applied: &freed, counted: false };
-            assert_eq!(limits.envelope(most, FULL, emf, BUS, &fits).emf, 0, "it stays missing");
+            assert_eq!(limits.envelope(&hand(), (most, FULL), emf, BUS, &fits).emf, 0, "it stays missing");
             // A rotor that turns draws less: what it draws less is the EMF that it has.
             let turns = LastTick { current: MilliAmps(20), counted: true, ..fits };
-            let given = limits.envelope(most, FULL, emf, BUS, &turns).emf * sign;
+            let given = limits.envelope(&hand(), (most, FULL), emf, BUS, &turns).emf * sign;
             assert!(given == 0 && limits.missing_emf < 1000, "{given} {limits:?}");
             let before = limits.missing_emf;
-            let _ = limits.envelope(most, FULL, emf, BUS, &turns);
+            let _ = limits.envelope(&hand(), (most, FULL), emf, BUS, &turns);
             assert!(limits.missing_emf < before, "{limits:?}");
         }
         // Braking: the EMF opposes the torque, and its current has not come yet.
         let braking = limits.envelope(
-            most,
-            FULL,
+            &hand(),
+            (most, FULL),
             679,
             BUS,
             &LastTick {
@@ -615,7 +680,7 @@ mod tests {
             };
             let mut next = |(applied, current): (AppliedTorque, MilliAmps)| {
                 let last = LastTick { current, applied: &applied, counted: true };
-                limits.envelope(most, FULL, emf, BUS, &last).emf * -sign
+                limits.envelope(&hand(), (most, FULL), emf, BUS, &last).emf * -sign
             };
             let taken = next(tick(-500 * sign, 95));
             assert!((478..=483).contains(&taken), "{taken}");
@@ -639,8 +704,8 @@ mod tests {
                 let amps = i32::from(torque) * 9_980 / 1024 * volts / 1024 + 6;
                 let current = MilliAmps(i16::try_from(amps).expect("mA"));
                 let envelope = limits.envelope(
-                    Torque(torque),
-                    FULL,
+                    &hand(),
+                    (Torque(torque), FULL),
                     emf,
                     BUS,
                     &LastTick { current, applied: &applied, counted: false },
@@ -653,7 +718,11 @@ mod tests {
     #[test]
     fn voltage_limit_is_exact_for_every_bus_voltage() {
         for bus in 0..=u16::MAX {
-            assert_eq!(volts(MilliVolts(bus)).unsigned_abs(), u32::from(bus) * MAX_DUTY / 24_000, "{bus}");
+            assert_eq!(
+                hand().volts(MilliVolts(bus)).unsigned_abs(),
+                u32::from(bus) * MAX_DUTY / 24_000,
+                "{bus}"
+            );
         }
     }
 
@@ -664,8 +733,8 @@ mod tests {
         ) {
             let velocity = CountsPerSec(Law::from_bits(velocity));
             let most = Torque(most);
-            let bounded = TorqueLimiter::default().envelope(most, FULL, emf(velocity), MilliVolts(bus), &LastTick::OFF)
-                .bound(Torque(torque), Torque(torque));
+            let bounded = TorqueLimiter::default().envelope(&hand(), (most, FULL), emf(velocity), MilliVolts(bus), &LastTick::OFF)
+                .bound(&hand(), Torque(torque), Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
             prop_assert!(duty.unsigned_abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
             // Nothing has wrapped: the duty is the voltage over the bus, and 250 mV of bus in the rounding of a quarter; and up to the dead
@@ -684,16 +753,18 @@ mod tests {
     /// T + E is the voltage across the motor. Beyond 25 V on the bus, none that would return power to it.
     #[test]
     fn braking_that_would_raise_the_bus_further_takes_no_power_from_the_rotor() {
-        let high = MilliVolts(supply::RETURN_FROM.0 + 3000);
+        let high = MilliVolts(hand().bus.return_from.0 + 3000);
         for speed in [300, -300] {
             let turned = if speed > 0 { -1 } else { 1 };
-            let at = |bus| envelope(990, speed, bus).bound(Torque(turned * 100), Torque(turned * 100));
+            let at =
+                |bus| envelope(990, speed, bus).bound(&hand(), Torque(turned * 100), Torque(turned * 100));
             let (calm, raised) = (at(BUS), at(high));
             assert_eq!((calm.torque, calm.limit), (Torque(turned * 100), None));
             assert_eq!(raised.limit, Some(LimitCause::Duty), "{raised:?}");
             // The voltage across the motor is what `supply` allows.
             let emf = emf(CountsPerSec::from_int(speed));
-            let volts = supply::without_return(i32::from(turned) * 100 + emf, i32::from(turned) * 100, high);
+            let volts =
+                hand().bus.without_return(i32::from(turned) * 100 + emf, i32::from(turned) * 100, high);
             assert_eq!(i32::from(raised.torque.0), volts - emf);
             assert!(raised.torque.0.abs() > 100, "more braking: {raised:?}");
             assert!(raised.duty.0.to_bits().abs() < calm.duty.0.to_bits().abs(), "at a lower duty");
@@ -709,10 +780,10 @@ mod tests {
             for sign in [1, -1] {
                 let (wanted, speed) = (sign * wanted, sign * speed);
                 let envelope = envelope(990, speed, BUS);
-                let bounded = envelope.bound(Torque(wanted), Torque(previous));
+                let bounded = envelope.bound(&hand(), Torque(wanted), Torque(previous));
                 let emf = emf(CountsPerSec::from_int(speed));
                 let risen =
-                    supply::risen(i32::from(wanted).clamp(envelope.low, envelope.high), previous.into());
+                    hand().bus.risen(i32::from(wanted).clamp(envelope.low, envelope.high), previous.into());
                 let expected =
                     if (risen + emf).signum() == i32::from(wanted.signum()) { risen } else { -emf };
                 assert_eq!(i32::from(bounded.torque.0), expected, "{wanted} at {speed}");
@@ -720,7 +791,7 @@ mod tests {
             }
         }
         // Braking draws nothing, however suddenly.
-        let braking = envelope(990, 500, BUS).bound(Torque(-400), Torque::ZERO);
+        let braking = envelope(990, 500, BUS).bound(&hand(), Torque(-400), Torque::ZERO);
         assert_eq!((braking.torque, braking.limit), (Torque(-400), None));
     }
 }

@@ -11,28 +11,54 @@
 //! of KP and 1.2 of KD; in its cell ([`Stage::Cell`]) the halls resolve no more, so only −d and twice KD are left while the rotor is slower
 //! than 10 counts/s.
 
-use crate::num::{Law, TICK_HZ, gain, mul_clamped, product, sum_of_products};
+use crate::config::Config;
+use crate::num::{Law, TICK_HZ, gain, mul_clamped, mul_shift, product, saturating_signed, sum_of_products};
 use crate::units::Torque;
 
-/// The gains as the host sets them: properties KP, KI, KD.
+/// The gains of a tick's laws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PidConfig {
-    /// Torque units per count.
-    pub kp: u16,
-    /// Torque units per count·second.
-    pub ki: u16,
-    /// 1/256 torque unit per count/s.
-    pub kd: u16,
+pub struct Gains {
+    /// KP: torque units per count.
+    pub kp: Law,
+    /// KD: torque units per count/s.
+    pub kd: Law,
+    /// KPV: torque units per count/s.
+    pub kpv: Law,
 }
 
-impl PidConfig {
-    /// The coefficients of a tick. Gains saturate at 32,767.
+impl Gains {
+    /// Of the properties KP, KD and KPV, or where KBW is not 0 of it: ω = 2π·KBW/10 is the bandwidth of the position loop, and
+    ///
+    /// ```text
+    /// D = max(3.03·ω/B, K)     KP = D·ω/3.03     KD = D − K     KPV = 1.75·ω/B
+    /// ```
+    ///
+    /// The EMF damps by K whatever KD is: of a motor whose EMF damps more than the loop needs, KP is higher, so that it is as fast.
+    ///
+    /// KBW 166 gives the hand's motor its 120, 640 and 32: a damping of 1.5, which a motor with a third of the inertia, or three times of it,
+    /// leaves above 0.8.
     #[must_use]
-    pub fn build(self) -> Pid {
+    pub fn new(config: &Config) -> Self {
+        let Config { kp, kd, kpv, kbw, motor, .. } = *config;
+        if kbw == 0 {
+            return Self { kp: gain(kp, 0), kd: gain(kd, 8), kpv: gain(kpv, 4) };
+        }
+        // MKA is 16·B. 16·3.03·2π/10 · 2^16 = 1,996,284; 16·1.75·2π/10 · 2^16 = 1,152,970; 2π/10/3.03 · 2^16 = 13,590.
+        let kbw = u32::from(kbw);
+        let over = |n: u32| saturating_signed(n * kbw / u32::from(motor.mka.max(1)));
+        let (damping, emf) = (over(1_996_284), i32::from(motor.mke) << 4);
+        let kp = mul_shift(damping.max(emf), (13_590 * kbw).cast_signed(), 16);
+        let kd = Law::from_bits((damping - emf).max(0)).min(MOST_KD);
+        Self { kp: Law::from_bits(kp), kd, kpv: Law::from_bits(over(1_152_970)) }
+    }
+
+    /// The coefficients of a tick, with property KI in torque units per count·second. Gains saturate at 32,767.
+    #[must_use]
+    pub fn build(self, ki: u16) -> Pid {
         // The largest KI of 32767 is 32.767 a tick; the truncation of the smallest (1) is 0.8 %.
-        let ki = gain(self.ki, 0).checked_div_int(TICK_HZ.cast_signed()).unwrap_or(Law::ZERO);
+        let ki = gain(ki, 0).checked_div_int(TICK_HZ.cast_signed()).unwrap_or(Law::ZERO);
         // KD is below 128, so twice it and an EMF fit.
-        let (kp, kd) = (gain(self.kp, 0), gain(self.kd, 8));
+        let Self { kp, kd, .. } = self;
         let more = |gain: Law, share| gain.saturating_add(product(gain, share));
         Pid { kp, ki, kd, resting: (more(kp, RESTING_KP), more(kd, RESTING_KD)), twice_kd: kd + kd }
     }
@@ -80,6 +106,9 @@ pub struct Errors {
     /// The other terms, in torque units.
     pub feed: Law,
 }
+
+/// Largest KD, torque units per count/s.
+const MOST_KD: Law = Law::lit("127");
 
 /// More KP and KD while the set-point rests.
 const RESTING_KP: Law = Law::lit("0.6");
@@ -131,7 +160,7 @@ mod tests {
     }
 
     fn law(kp: u16, ki: u16, kd: u16) -> Pid {
-        PidConfig { kp, ki, kd }.build()
+        Gains { kp: gain(kp, 0), kd: gain(kd, 8), kpv: Law::ZERO }.build(ki)
     }
 
     /// Of a set-point that moves, without EMF and other terms.

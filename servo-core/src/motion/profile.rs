@@ -81,6 +81,15 @@ pub struct Ramps {
     opening: i32,
 }
 
+impl Ramps {
+    /// With an acceleration in 2^-26 counts a tick², and no bound of the velocity but that of the properties.
+    #[must_use]
+    pub fn as_fast_as(accel: i32) -> Self {
+        let most = per_tick(FASTEST);
+        Self { accel: accel.min(MOST), closing: most, opening: most }
+    }
+}
+
 /// Accelerations that the motor can do now, magnitudes in 2^-26 counts a tick².
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reach {

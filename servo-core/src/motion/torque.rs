@@ -1,21 +1,21 @@
 //! Torque to voltage without a current sensor in the loop: the resistive drop of the torque's current plus the motor's EMF at
-//! its speed (decision 0005). Voltages are in torque units: 1024 is 24 V, the bus at which full duty at standstill gives
-//! the motor's peak torque.
+//! its speed (decision 0005). Voltages are in torque units: 1024 is what gives the motor's peak torque at standstill.
 
-use crate::num::{Law, mul_low, round_product, saturating_i16};
+use crate::num::{Law, mul_low, product, round_product, saturating_i16};
 use crate::units::{CountsPerSec, Torque};
 
-/// Damping that a law needs at least before the EMF may be compensated in full, in torque units per count/s: the EMF that was learned may
-/// be 45 % too high, and a motor's own 30 % lower than its property says, together 0.75 of 0.97.
-pub const MIN_DAMPING: Law = Law::lit("0.75");
+/// Damping that a law needs at least before the EMF may be compensated in full, over the EMF: what was learned may be 46 % too high, and a
+/// motor's own 30 % lower than its property says. 0.75 of 0.97 torque units per count/s.
+const MIN_DAMPING: Law = Law::lit("0.773621");
 
 /// Share of the EMF that is compensated at T = 0, 66 % in 2^-16: every motor has 70 %, and the velocity may be read 5 % too high.
 const SURE_EMF: i32 = 43_254;
 
-/// Damping to add to a law that damps by `damping` torque units per count/s to reach [`MIN_DAMPING`]; 0 if it damps enough.
+/// Damping to add to a law that damps by `damping` torque units per count/s to reach [`MIN_DAMPING`] of the EMF `emf` in the same unit; 0 if
+/// it damps enough.
 #[must_use]
-pub fn missing(damping: Law) -> Law {
-    MIN_DAMPING.saturating_sub(damping).max(Law::ZERO)
+pub fn missing(damping: Law, emf: Law) -> Law {
+    product(MIN_DAMPING, emf).saturating_sub(damping).max(Law::ZERO)
 }
 
 /// A law's torque with the missing damping added, before every limit, so that plugging at speed stays inside the torque limit.
@@ -26,7 +26,7 @@ pub fn damped(torque: Torque, velocity: CountsPerSec, missing: Law) -> Torque {
 }
 
 /// The motor's EMF at a velocity, in torque units: torque + EMF is the voltage across the driven phases, and
-/// voltage − EMF the torque that it gives. `per_speed` is K in torque units per count/s, below 2.
+/// voltage − EMF the torque that it gives. `per_speed` is K in torque units per count/s.
 #[must_use]
 #[inline]
 pub fn emf(per_speed: Law, velocity: CountsPerSec) -> i32 {
@@ -110,10 +110,11 @@ mod tests {
 
     #[test]
     fn law_without_enough_damping_gets_what_it_lacks() {
-        assert_eq!(missing(Law::ONE), Law::ZERO);
-        assert_eq!(missing(Law::ZERO), MIN_DAMPING);
+        assert_eq!(missing(Law::ONE, K), Law::ZERO);
+        let most = missing(Law::ZERO, K);
+        assert!((most - Law::lit("0.75")).abs() < Law::lit("0.001"), "{most}");
         let velocity = CountsPerSec::from_int(100);
-        assert_eq!(damped(Torque(10), velocity, MIN_DAMPING), Torque(-65));
+        assert_eq!(damped(Torque(10), velocity, most), Torque(-65));
         assert_eq!(damped(Torque(10), velocity, Law::ZERO), Torque(10));
     }
 }

@@ -8,12 +8,13 @@
 //! that drives the current, F the Coulomb friction and T = 1 ms:
 //!
 //! ```text
-//! u = U + λ·(U₋₁ − U)                           λ = (L/R)/T: the current lags the voltage
+//! u = U + λ·(S − U)                             S = U + ε·(S − U), the current that the tick began with, as a voltage
 //! a = B·(1+β)·(u + d − F·sgn v − (K+κ)·v)       B: acceleration a torque unit, K: EMF a count/s
 //! v = v + a·T/(1 + B·(1+β)·K·T/2)               x = x + (v₋₁ + v)·T/2
 //! ```
 //!
-//! At v = 0 the rotor sticks while |u + d| is within the static friction. Learned are the load d, which adds to the voltage, the
+//! With the electrical time constant τₑ = L/R, ε = e^(−T/τₑ) and λ = (1 − ε)·τₑ/T; of a τₑ up to a third of a tick ε is below 5 % and taken
+//! for 0. At v = 0 the rotor sticks while |u + d| is within the static friction. Learned are the load d, which adds to the voltage, the
 //! deviation κ of the EMF and the deviation β of the gain.
 //!
 //! # Correction
@@ -32,10 +33,11 @@
 //! is shared between the three explanations, with n the net torque:
 //!
 //! ```text
-//! q = δ/(40² + (v/4)² + (0.6·n)²)       d = d + 40²·q       κ = κ − v·q/16       β = β + 0.36·n·q
+//! q = δ/(40² + (w/4)² + (0.6·n)²)       d = d + 40²·q       κ = κ − w·r·q/16       β = β + 0.36·n·q
 //! ```
 //!
-//! κ and β are bounded; what they cannot take at a bound is taken by d.
+//! with r = K/0.97, the EMF relative to the hand's motor, and w = r·v, so that a share of the EMF is as likely to be wrong of every motor. κ and
+//! β are bounded; what they cannot take at a bound is taken by d.
 //!
 //! No edge yet is information as well: beyond the next boundary by 0.15 counts x is set back there, with t at most 25 ms and half of
 //! the other corrections. Boundaries are learned in steady motion: the six of an electrical revolution, each by 0.15·r; their mean
@@ -51,7 +53,7 @@
 //! x in 2^-20 counts from the center of the cell; v in 2^-16 counts/s; voltages, torques and deviations in 2^-16; times in µs; gains
 //! of a tick in 2^-28.
 
-use crate::config::Config;
+use crate::motor::Motor;
 use crate::num::{Law, half_octaves, mul_low, mul_low_unsigned, mul_shift, mul_upper, saturating_i16};
 use crate::sense::hall::HallEdge;
 use crate::units::{Counts, CountsPerSec, Micros};
@@ -81,8 +83,10 @@ const SLOW_US: (i32, i32) = (11_000, 150_000);
 const STANDING_US: i32 = 50_000;
 /// Longest interval of a correction without an edge, µs.
 const OVERDUE_US: i32 = 25_000;
-/// What a missing or unexpected edge adds to the load each tick while the rotor should rest, torque units.
-const REST_PULL: i32 = 16 * ONE;
+/// Friction at rest of the hand's motor, torque units, and a quarter of it: what a missing or unexpected edge adds to the load each tick while
+/// the rotor should rest.
+const HAND_STICTION: i32 = 63;
+const REST_PULL: i32 = 16;
 /// The load of a rotor that should rest is searched: each time that the search turns round it takes half of its steps, down to a sixteenth,
 /// and twice that again after as many ms one way. Otherwise a joint that friction nearly holds is pushed to and fro for good.
 const NARROWEST: u32 = 4;
@@ -107,13 +111,19 @@ const MOST_OFFSET: i32 = ONE * 2 / 5;
 /// Largest δ and largest load, torque units.
 const MOST_DELTA: i32 = 250 * ONE;
 const MOST_LOAD: i32 = 900 * ONE;
-/// Bounds of κ, 0.45, and β.
+/// Bounds of κ, 46 % of K: 0.45 of the hand's motor; and of β.
 const MOST_EMF_CHANGE: i32 = 29_491;
 const GAIN_CHANGE: (i32, i32) = (-32_768, 58_982);
 /// Velocity from which a motor that should rest learns its EMF, counts/s: MT limits the torque by it.
 const RUNAWAY: i32 = 300;
-/// Largest velocity, 16,384 counts/s: fifteen times the motor's no-load speed.
+/// Largest velocity, 16,384 counts/s: fifteen times the no-load speed of the hand's motor.
 const SPEED_MAX: i32 = (1 << 30) - 1;
+/// Velocity whose EMF, with the most that is learned, is 24,000 torque units of the hand's motor, counts/s: the sum of all voltages fits 32 bits.
+const EMF_SPEED: u32 = 16_906;
+/// MKE of the hand's motor: see r.
+const HAND_EMF: u32 = 3971;
+/// Longest electrical time constant of a motor whose current does not outlast a tick, µs.
+const SHORT_LAG_US: u32 = 333;
 /// Half a tick of the sum of two velocities in counts: 2^20 · 0.5 ms / 2^16 as a share of 2^32.
 const MEAN_STEP: i32 = 34_359_738;
 /// 1/τ of the motor for which the tables below are as long as t: 88.1/s in 2^-4.
@@ -146,41 +156,70 @@ const SLOPES: [(i32, i32, i32); 17] = [
     (189, 189, 62_765),
 ];
 
-/// The motor as its properties describe it.
+/// What the model needs of the motor's description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Motor {
+pub struct Model {
     /// B·T in 2^-28 counts/s a torque unit.
     step: i32,
     /// K, F and the static friction in 2^-16 torque units (a count/s).
     emf: i32,
     friction: i32,
     stiction: i32,
-    /// λ in 2^-16.
+    /// λ and ε in 2^-16, and half a tick and τₑ in 2^-6 ticks.
     lag: i32,
+    decay: i32,
+    ahead: i32,
     /// 1/τ = B·K in 2^-4 Hz, and relative to the tables' in 2^-16.
     rate: i32,
     relative_rate: u32,
+    /// r in 2^-16.
+    relative_emf: i32,
+    /// Largest velocity, 2^-16 counts/s, and the time that it takes for 1.3 counts at 2.5 times the no-load speed, µs.
+    speed_max: i32,
+    least_us: i32,
+    rest_pull: i32,
 }
 
-impl Motor {
-    /// From the properties MKA, MKE, MFC, MFS and MTE.
+impl Model {
+    /// Of a motor that fits.
     #[must_use]
-    pub fn new(config: &Config) -> Self {
-        // What a field can hold beyond the properties' ranges is cut: the products of a tick fit 32 bits.
-        let (gain, emf) = (i32::from(config.mka.min(5_000)), i32::from(config.mke.min(5_000)));
+    pub fn new(motor: &Motor) -> Self {
+        let (gain, emf) = (i32::from(motor.mka), i32::from(motor.mke));
         // 2^28 / 16 / 1000 = 16,777.2; below 2^31 for every gain up to 65,535.
-        let step = mul_shift(gain, 16_777, 0) + gain / 5;
-        let rate = mul_shift(gain, emf, 12).max(1);
+        let step = gain * 16_777 + gain / 5;
+        let rate = mul_low(gain, emf, 12);
+        let relative_emf = (u32::from(motor.mke) << 16) / HAND_EMF;
+        let te = u32::from(motor.mte);
+        let decay = decay(te);
+        let stiction = i32::from(motor.stiction());
         Self {
             step,
             emf: emf << 4,
-            friction: i32::from(config.mfc.min(400)) << 16,
-            stiction: i32::from(config.mfs.max(config.mfc).min(400)) << 16,
-            lag: (i32::from(config.mte.min(1_000)) << 16) / TICK_US,
+            friction: i32::from(motor.mfc) << 16,
+            stiction: stiction << 16,
+            lag: mul_low_unsigned((te << 16) / TICK_US.unsigned_abs(), (1 << 16) - decay, 16).cast_signed(),
+            decay: decay.cast_signed(),
+            ahead: (32 + te.min(2000) * 64 / 1000).cast_signed(),
             rate,
             relative_rate: ((rate.unsigned_abs() << 8) / TABLE_RATE.unsigned_abs()) << 8,
+            relative_emf: relative_emf.cast_signed(),
+            speed_max: (((EMF_SPEED << 16) / relative_emf.max(1)).min(16_384).cast_signed() << 16)
+                .saturating_sub(1)
+                .min(SPEED_MAX),
+            least_us: (528_000 / motor.no_load().max(53)).cast_signed(),
+            rest_pull: REST_PULL * stiction * ONE / HAND_STICTION,
         }
     }
+}
+
+/// ε in 2^-16 of a τₑ in µs: e^(−x) is ((1 − x/8)/(1 + x/8))^4 within 0.008 for x up to 3.
+fn decay(te: u32) -> u32 {
+    if te <= SHORT_LAG_US {
+        return 0;
+    }
+    let fourth = ((8 * te - 1000) << 15) / (8 * te + 1000);
+    let square = |x: u32| (x * x) >> 15;
+    2 * square(square(fourth))
 }
 
 /// What the motor has shown beyond its properties, and the rotor's state.
@@ -256,7 +295,7 @@ pub enum Push {
 /// Observes one motor.
 #[derive(Clone, Debug)]
 pub struct Observer {
-    motor: Motor,
+    model: Model,
     state: State,
     /// Before the last edge, restored if that was a glitch.
     previous: State,
@@ -286,7 +325,7 @@ pub struct Observer {
 impl Observer {
     /// At rest in the middle of cell `count`, with nothing learned.
     #[must_use]
-    pub fn new(motor: Motor, count: i32) -> Self {
+    pub fn new(model: Model, count: i32) -> Self {
         let state = State {
             count,
             index: index(count),
@@ -306,7 +345,7 @@ impl Observer {
             pinned: 0,
         };
         let mut observer = Self {
-            motor,
+            model,
             state,
             previous: state,
             at: Micros(0),
@@ -327,15 +366,13 @@ impl Observer {
         observer
     }
 
-    /// Takes another description of the motor; a changed one forgets what was learned beyond the old.
-    pub fn set_motor(&mut self, motor: Motor) {
-        if motor != self.motor {
-            self.motor = motor;
-            for state in [&mut self.state, &mut self.previous] {
-                (state.emf_change, state.gain_change) = (0, 0);
-            }
-            self.rescale();
+    /// Takes another description of the motor, and forgets what was learned beyond the old.
+    pub fn set_model(&mut self, model: Model) {
+        self.model = model;
+        for state in [&mut self.state, &mut self.previous] {
+            (state.emf_change, state.gain_change) = (0, 0);
         }
+        self.rescale();
     }
 
     /// The count after the last edge.
@@ -362,8 +399,7 @@ impl Observer {
 
     /// See [`Self::sure_coming_velocity`].
     fn coming_velocity(&self) -> CountsPerSec {
-        // 5/8 + 13/64 of the last change.
-        let ahead = mul_low(self.change, 53, 6);
+        let ahead = mul_low(self.change, self.model.ahead, 6);
         CountsPerSec(I16F16::from_bits(self.state.velocity.saturating_add(ahead)))
     }
 
@@ -402,14 +438,14 @@ impl Observer {
         if self.state.quiet_us > STANDING_US {
             return CountsPerSec::ZERO;
         }
-        let most = fastest(us);
+        let most = fastest(us.max(self.model.least_us));
         CountsPerSec(I16F16::from_bits(velocity.0.to_bits().max(-most).min(most)))
     }
 
     /// A motion in this direction has ended: of a load along it, forgets what may have been friction that the motor does not have, F at most.
     /// A resting rotor is held by as much.
     pub fn end_motion(&mut self, way: Way) {
-        let friction = self.motor.friction;
+        let friction = self.model.friction;
         let (low, high) = match way {
             Way::Closing => (0, friction),
             Way::Opening => (-friction, 0),
@@ -420,7 +456,7 @@ impl Observer {
     /// A rotor leaves a rest: of its load, forgets what may have been friction, F at most. Friction holds the rest of a real one until the rotor
     /// moves and shows it.
     pub fn leave_rest(&mut self) {
-        let friction = self.motor.friction;
+        let friction = self.model.friction;
         self.state.load -= self.state.load.max(-friction).min(friction);
     }
 
@@ -444,7 +480,7 @@ impl Observer {
     /// K without what was learned.
     #[must_use]
     pub const fn nominal_emf(&self) -> Law {
-        Law::from_bits(self.motor.emf)
+        Law::from_bits(self.model.emf)
     }
 
     /// 1/(B(1+β)): torque units that change the velocity by a count/s in a tick.
@@ -456,13 +492,13 @@ impl Observer {
     /// F: Coulomb friction in torque units.
     #[must_use]
     pub const fn friction(&self) -> Law {
-        Law::from_bits(self.motor.friction)
+        Law::from_bits(self.model.friction)
     }
 
     /// Torque beyond F that breaks a rotor loose; 0 while it moves.
     #[must_use]
     pub fn kick(&self) -> Law {
-        let more = self.motor.stiction - self.motor.friction + 2 * ONE;
+        let more = self.model.stiction - self.model.friction + 2 * ONE;
         Law::from_bits(if self.state.stuck { more } else { 0 })
     }
 
@@ -511,11 +547,12 @@ impl Observer {
         if self.resting {
             let sign = -over.signum();
             m.pinned = if m.pinned.signum() == sign { (m.pinned + sign).clamp(-99, 99) } else { sign };
-            m.load = (m.load + m.search.step(over.signum(), REST_PULL)).clamp(-MOST_LOAD, MOST_LOAD);
+            m.load =
+                (m.load + m.search.step(over.signum(), self.model.rest_pull)).clamp(-MOST_LOAD, MOST_LOAD);
         }
         // An obstacle stops a rotor whatever its voltage: it has moved 1.3 counts at most since the last edge. One that began at rest is twice
         // as fast as its mean, and a slow one with misplaced sensors is left to the gains. µs and 2^-16 counts/s in 32 bits.
-        let most = fastest(waited);
+        let most = fastest(waited.max(self.model.least_us));
         let is_slow = (SLOW_US.0..SLOW_US.1).contains(&waited);
         let most = if is_slow || m.moving_us < m.quiet_us { 2 * most } else { most };
         m.velocity = m.velocity.max(-most).min(most);
@@ -535,7 +572,12 @@ impl Observer {
             Push::Off => (back, back, false),
             Push::Volts { volts, resting } => {
                 let volts = volts << 16;
-                (volts, volts + mul_low(self.volts - volts, self.motor.lag, 16), resting)
+                let past = self.volts - volts;
+                (
+                    volts + mul_low(past, self.model.decay, 16),
+                    volts + mul_low(past, self.model.lag, 16),
+                    resting,
+                )
             }
         };
         if !self.resting {
@@ -544,7 +586,7 @@ impl Observer {
         let drive = self.mean_volts + m.load;
         m.from = m.to;
         let sign = if m.velocity == 0 {
-            let holds = if m.stuck { self.motor.stiction } else { self.motor.friction };
+            let holds = if m.stuck { self.model.stiction } else { self.model.friction };
             if drive.abs() <= holds {
                 m.stuck = true;
                 m.moving_us = 0;
@@ -556,17 +598,18 @@ impl Observer {
             m.velocity
         };
         m.stuck = false;
-        let friction = if sign < 0 { -self.motor.friction } else { self.motor.friction };
-        // The step is below 0.4 (MKA), so the change is below 2^30 and the sum fits. This clamp is one `SSAT`.
+        let friction = if sign < 0 { -self.model.friction } else { self.model.friction };
+        // A motor that fits changes its velocity by 4000 counts/s in a tick at most, so the sum fits.
         let change = mul_low(self.step, drive - friction - back, 28);
         self.change = change;
-        let velocity = (m.velocity + change).clamp(-SPEED_MAX - 1, SPEED_MAX);
+        let most = self.model.speed_max;
+        let velocity = (m.velocity + change).max(-most - 1).min(most);
         let stops = m.velocity != 0 && (velocity == 0 || (velocity ^ m.velocity) < 0);
         let velocity = if stops { 0 } else { velocity };
         let mut moved = mul_upper(m.velocity + velocity, MEAN_STEP);
         if stops {
             moved = mul_low(moved, stopping_share(m.velocity, change), 8);
-            m.stuck = drive.abs() <= self.motor.stiction;
+            m.stuck = drive.abs() <= self.model.stiction;
         }
         m.to += moved;
         m.velocity = velocity;
@@ -630,7 +673,7 @@ impl Observer {
         self.correct(residual_share.clamp(-most, most), interval, keep, false);
         let m = &mut self.state;
         if first && self.resting {
-            m.load = (m.load + m.search.step(sign, self.motor.stiction)).clamp(-MOST_LOAD, MOST_LOAD);
+            m.load = (m.load + m.search.step(sign, self.model.stiction)).clamp(-MOST_LOAD, MOST_LOAD);
         }
         if m.velocity.signum() != sign {
             m.velocity = sign * ONE;
@@ -675,7 +718,7 @@ impl Observer {
 
     /// Corrects velocity, load, EMF and gain by a residual after an interval; `overdue`: by half.
     fn correct(&mut self, residual: i32, interval: i32, keep: i32, overdue: bool) {
-        let scaled = mul_low_unsigned(interval.unsigned_abs(), self.motor.relative_rate, 16);
+        let scaled = mul_low_unsigned(interval.unsigned_abs(), self.model.relative_rate, 16);
         let (rate, pull, slowness) = entry(&SLOPES, half_octaves(scaled));
         let gone = ONE - keep;
         let weight = mul_low(gone, gone, 16) >> u32::from(overdue);
@@ -685,34 +728,38 @@ impl Observer {
         let m = &mut self.state;
         // 2^20 · 2^16 / 2^20; rates in 2^-12 · 2^-4, below 2^17 and 2^13.
         let faster = mul_low(residual, mul_16(weight, more), 20);
-        let change = mul_shift(faster, (rate * self.motor.rate) >> 8, 8);
+        let change = mul_shift(faster, (rate * self.model.rate) >> 8, 8);
         let friction = match m.velocity {
             0 => 0,
-            ..0 => -self.motor.friction,
-            _ => self.motor.friction,
+            ..0 => -self.model.friction,
+            _ => self.model.friction,
         };
         let back = mul_low(self.emf, m.velocity, 16);
         let net = self.mean_volts + m.load - back - friction;
         let stronger = mul_low(residual, mul_16(weight, lean), 20);
-        let slope = mul_low(mul_low(pull, self.motor.rate, 12), self.motor.emf, 16);
+        let slope = mul_low(mul_low(pull, self.model.rate, 12), self.model.emf, 16);
         let delta = mul_shift(stronger, slope, 4).clamp(-MOST_DELTA, MOST_DELTA);
         let speed = (m.velocity >> 16).clamp(-4096, 4095);
+        // r is below 17.
+        let relative = mul_low(speed, self.model.relative_emf, 16).clamp(-(1 << 14), (1 << 14) - 1);
         let net = (net >> 16).clamp(-900, 900);
-        m.velocity = m.velocity.saturating_add(change).clamp(-SPEED_MAX - 1, SPEED_MAX);
+        let most = self.model.speed_max;
+        m.velocity = m.velocity.saturating_add(change).max(-most - 1).min(most);
         // A motor at rest shows no more than a load, unless that is running away with it.
         let (by_speed, by_torque) = if self.resting && speed.abs() < RUNAWAY {
             (0, 0)
         } else {
-            ((speed * speed) >> 4, (net * net * 23) >> 6)
+            ((relative * relative) >> 4, (net * net * 23) >> 6)
         };
         let sum = by_speed + by_torque + 1600;
         // |δ| < 2^24 in 2^-16, so q is in 2^-22.
         let share = (delta << 6) / sum;
         let mut load = mul_shift(share, 1600, 6);
         if by_speed * 50 > sum || by_torque * 50 > sum {
-            let emf = m.emf_change - mul_shift(share, speed, 10);
+            let emf = m.emf_change - mul_shift(share, mul_low(relative, self.model.relative_emf, 16), 10);
             let gain = m.gain_change + mul_shift(share, net * 23, 12);
-            m.emf_change = emf.clamp(-MOST_EMF_CHANGE, MOST_EMF_CHANGE);
+            let most = mul_low(MOST_EMF_CHANGE, self.model.relative_emf, 16);
+            m.emf_change = emf.max(-most).min(most);
             m.gain_change = gain.clamp(GAIN_CHANGE.0, GAIN_CHANGE.1);
             // Each at most δ.
             load += (m.emf_change - emf) * speed + (gain - m.gain_change) * net;
@@ -724,13 +771,18 @@ impl Observer {
 
     /// Gains that follow from κ and β.
     fn rescale(&mut self) {
-        self.emf = self.motor.emf + self.state.emf_change;
+        self.emf = self.model.emf + self.state.emf_change;
         // The step is below 2^27, 1 + β between 0.5 and 1.9.
-        let gain = mul_low(self.motor.step, ONE + self.state.gain_change, 16);
-        // x = B(1+β)KT/2 in 2^-16; 1/(1 + x) = 1 − x + x² within 0.1 % for x up to 0.1.
-        let x = mul_low(gain, self.motor.emf, 29).min(ONE / 2);
-        self.step = mul_low(gain, ONE - x + mul_low(x, x, 16), 16);
-        let sure = mul_low(self.motor.step, ONE + self.state.gain_change.min(0), 16);
+        let gain = mul_low(self.model.step, ONE + self.state.gain_change, 16);
+        // x = B(1+β)KT/2 in 2^-16; 1/(1 + x) = 1 − x + x² within 0.1 % for x up to 0.1: a motor with τ above 5 ms.
+        let x = mul_low(gain, self.model.emf, 29);
+        let share = if x <= ONE / 10 {
+            ONE - x + mul_low(x, x, 16)
+        } else {
+            2 * ((1 << 31) / (ONE + x).unsigned_abs()).cast_signed()
+        };
+        self.step = mul_low(gain, share, 16);
+        let sure = mul_low(self.model.step, ONE + self.state.gain_change.min(0), 16);
         // 2^-28 counts/s a tick is 2^-28/1000 counts a tick²: 2^26/2^28/1000 of 2^32.
         self.sure_gain = mul_upper(sure, 1_073_742);
         // 2^44 / 2^28.
@@ -756,9 +808,9 @@ fn stopping_share(velocity: i32, change: i32) -> i32 {
     share.min(256).cast_signed()
 }
 
-/// Mean velocity of a rotor that has moved by 1.3 counts since an edge `us` ago, 2^-16 counts/s; up to 2600, faster than any motor turns.
+/// Mean velocity of a rotor that has moved by 1.3 counts since an edge `us` ago, at least [`Model::least_us`], 2^-16 counts/s.
 fn fastest(us: i32) -> i32 {
-    (1_300_000_u32 / us.max(TICK_US / 2).unsigned_abs()).cast_signed() << 16
+    (1_300_000_u32 / us.max(100).unsigned_abs()).cast_signed() << 16
 }
 
 const fn below(index: usize) -> usize {

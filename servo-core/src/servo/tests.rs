@@ -51,11 +51,9 @@ impl Joint {
             ioff,
             ihit: 250,
             otemp: 700,
-            mka: 1454,
-            mke: 3971,
-            mfc: 47,
-            mfs: 63,
-            mte: 333,
+            kbw: 0,
+            motor: Motor::HAND,
+            board: &crate::motor::BoardFigures::TATER,
             brake_ms,
         }
     }
@@ -556,7 +554,8 @@ fn replan_keeps_setpoint_and_velocity() {
 
 fn any_config() -> impl Strategy<Value = Config> {
     let words = prop::collection::vec(prop_oneof![any::<u16>(), 0..1000_u16], 23);
-    (words, any::<i32>(), any::<(bool, bool)>()).prop_map(|(words, ioff, (hold, bs))| Config {
+    let motor = prop_oneof![Just(Motor::HAND), crate::motor::tests::any_fitting()];
+    (words, any::<i32>(), any::<(bool, bool)>(), motor).prop_map(|(words, ioff, (hold, bs), motor)| Config {
         mt: words[0],
         mv: words[1],
         mcv: words[2],
@@ -578,11 +577,9 @@ fn any_config() -> impl Strategy<Value = Config> {
         ihit: words[15],
         otemp: words[16].cast_signed(),
         brake_ms: words[17] % 64,
-        mka: words[18],
-        mke: words[19],
-        mfc: words[20],
-        mfs: words[21],
-        mte: words[22],
+        kbw: words[18] % 1000,
+        motor: Motor { mka: words[19], mke: words[20], mfc: words[21], mfs: words[22], ..motor },
+        board: &crate::motor::BoardFigures::TATER,
     })
 }
 

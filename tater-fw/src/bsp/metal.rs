@@ -3,6 +3,7 @@
 use core::convert::Infallible;
 
 use embedded_hal::digital::InputPin;
+use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
 use stm32f1xx_hal::can::Can as CanPins;
@@ -284,6 +285,7 @@ const UNIQUE_ID: u32 = 0x1FFF_F7E8;
 
 impl<M: Motor> Board for Metal<M> {
     type Flash = flash::Metal;
+    const FIGURES: BoardFigures = BoardFigures::TATER;
 
     #[inline(always)]
     fn bridge(&mut self, bridge: Bridge) {

@@ -5,6 +5,7 @@ mod properties;
 
 use super::*;
 use crate::board::{Analog, FlashError};
+use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Leg;
 use servo_core::units::Duty;
 use std::vec;
@@ -74,6 +75,7 @@ struct Bed {
 
 impl Board for Bed {
     type Flash = Chip;
+    const FIGURES: BoardFigures = BoardFigures::TATER;
 
     fn bridge(&mut self, bridge: Bridge) {
         self.bridge = bridge;

@@ -13,6 +13,7 @@
 //! kept, and one of a length that it does not know is skipped.
 
 use super::pages::{PAGE_WORDS, Page};
+use super::values::NUMBERS;
 use super::word::{Word, join};
 use crate::board::Flash;
 use heapless::Vec;
@@ -25,14 +26,9 @@ const VERSION: u16 = 1;
 const HEAD: usize = 4;
 pub const TAIL: usize = 2;
 
-/// Maximum number of stored properties: 52 now, and room for those of other versions.
-pub const STORED: usize = 54;
-
-/// Maximum entries of a record: the stored properties, three counters, the unit of OD and the hot mark.
-pub const ENTRIES: usize = STORED + 5;
-
-/// Maximum half-words of a record before its CRC: every entry has at most three.
-pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;
+/// Maximum half-words of a record before its CRC: an entry for each number on the wire, of at most three.
+pub const MOST_WORDS: usize = HEAD + 3 * NUMBERS;
+const _: () = assert!(MOST_WORDS + TAIL + 1 < PAGE_WORDS, "the first record of a page has a place");
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head {
@@ -64,13 +60,13 @@ pub fn encode(
 ) {
     let [low, high] = halves(head.sequence);
     words.clear();
-    // They fit: ENTRIES.
+    // They fit: each number comes once.
     let mut push = |word| {
         let _ = words.push(word);
     };
     // The length goes into the first one.
     [0, head.info(), low, high].into_iter().for_each(&mut push);
-    for (id, value) in entries.take(ENTRIES) {
+    for (id, value) in entries.take(NUMBERS) {
         let [low, high] = halves(value.unwrap_or(0).cast_unsigned());
         let count = match value {
             None => 0,

@@ -107,9 +107,8 @@ fn stored() -> Vec<Property> {
 
 #[test]
 fn all_stored_properties_fit() {
-    // 52: the number in the module's documentation, on which its arithmetic is based.
-    assert_eq!(stored().len(), 52);
-    assert!(stored().len() <= STORED);
+    // 62: the number in the module's documentation, on which its arithmetic is based.
+    assert_eq!(stored().len(), 62);
     for property in stored() {
         let row = property.row();
         assert!(i32::try_from(row.min).is_ok() && i32::try_from(row.max).is_ok(), "{property:?}");
@@ -118,7 +117,7 @@ fn all_stored_properties_fit() {
         ROWS.iter().filter(|row| row.stored == Stored::Always).map(|row| row.property.id()).collect();
     assert!(always.iter().all(|id| COUNTERS.contains(id)) && always.len() == COUNTERS.len());
     // Of the 20 KiB of RAM; less on the microcontroller, where usize is 4 bytes.
-    assert!(size_of::<Store>() <= 1088, "{}", size_of::<Store>());
+    assert!(size_of::<Store>() <= 1472, "{}", size_of::<Store>());
 }
 
 #[test]
@@ -162,19 +161,20 @@ fn save_takes_the_stated_half_words() {
         finish(store, flash);
         flash.programmed - before
     };
-    // The first record is a complete one: head 4, counters and the unit of OD 4 x 2, properties 2 each, and ACCEL, TSTOP and HOSTMS 1 more, CRC 2.
-    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 4 * 2 + 52 * 2 + 3 + 2);
+    // The first record is a complete one: head 4, counters and the unit of OD 4 x 2, properties 2 each, and ACCEL, TSTOP, HOSTMS, MR, MWJ, MWR, MKA and MKE
+    // 1 more, CRC 2.
+    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 4 * 2 + 62 * 2 + 8 + 2);
     assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 0, "nothing has changed");
     // HOSTUNITS has two values.
     let other = |p: &Property| if *p == Property::HOSTUNITS { 0 } else { p.row().max - 1 };
-    assert_eq!(save(other, &mut store, &mut flash), 4 + 52 * 2 + 3 + 2);
+    assert_eq!(save(other, &mut store, &mut flash), 4 + 62 * 2 + 8 + 2);
     store.set(Property::X0, 5);
     assert_eq!(finish(&mut store, &mut flash), 1 + 8, "made, and written");
     // The longest complete one: counters that need 32 bits.
     store.reset_counters(Counters { upsecs: 1 << 31, odometer: 1 << 20, ptemp: 900 });
     finish(&mut store, &mut flash);
     store.record(true);
-    assert_eq!(store.words.len() + record::TAIL, 4 + 3 + 3 + 2 + 2 + 52 * 2 + 3 + 2);
+    assert_eq!(store.words.len() + record::TAIL, 4 + 3 + 3 + 2 + 2 + 62 * 2 + 8 + 2);
     assert_eq!(Store::open(&flash).counters(), store.counters());
 }
 
@@ -280,23 +280,21 @@ fn numbers_of_another_version_are_kept_or_skipped() {
 }
 
 #[test]
-fn unknown_numbers_give_way_to_known_ones() {
+fn every_number_that_this_program_does_not_know_is_kept() {
     let head = Head { sequence: 7, complete: true, trusted: None };
     let own = |id: &u8| Property::is_stored(*id) || COUNTERS.contains(id) || [HOT, UNIT].contains(id);
-    let others = (0..128).filter(|id| !own(id));
-    let words = encode(&head, &mut others.take(STORED).map(|id| (id, Some(9))));
+    let others: Vec<u8> = (0..128).filter(|id| !own(id)).collect();
+    let words = encode(&head, &mut others.iter().map(|id| (*id, Some(1 << 20))));
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
     let mut store = Store::open(&flash);
-    assert_eq!(store.values.len(), STORED, "as many as fit are all kept");
-    stored().iter().for_each(|property| store.set(*property, property.row().min));
-    assert_eq!(store.values.len(), STORED, "each new one replaces another");
-    // The next record is a complete one, which has room for so many.
+    stored().iter().for_each(|property| store.set(*property, property.row().max));
+    // The next record is a complete one.
     store.pages.close();
     finish(&mut store, &mut flash);
     let store = Store::open(&flash);
-    assert_eq!(store.values.len(), STORED);
-    assert!(stored().iter().all(|property| store.get(*property) == Some(property.row().min)));
+    assert!(stored().iter().all(|property| store.get(*property) == Some(property.row().max)));
+    assert!(others.iter().all(|id| store.values.get(*id) == Some(1 << 20)));
 }
 
 #[test]
@@ -449,7 +447,7 @@ fn forgotten_values_are_not_counted() {
     let mut numbers = Numbers::default();
     (3..9).for_each(|number| numbers.insert(number));
     values.forget(numbers);
-    assert_eq!(values.len(), 2);
+    assert_eq!(values.numbers().iter().count(), 2);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::numbers::Numbers;
 
 /// All numbers on the wire.
-const NUMBERS: usize = 128;
+pub const NUMBERS: usize = 128;
 
 /// Indexed by number: a lookup takes the same few instructions for each, because a SAVE of all does it for
 /// each while hall edges wait.
@@ -11,17 +11,15 @@ const NUMBERS: usize = 128;
 pub struct Values {
     values: [i32; NUMBERS],
     numbers: Numbers,
-    len: usize,
 }
 
 impl Values {
     pub const fn new() -> Self {
-        Self { values: [0; NUMBERS], numbers: Numbers::NONE, len: 0 }
+        Self { values: [0; NUMBERS], numbers: Numbers::NONE }
     }
 
     pub const fn clear(&mut self) {
         self.numbers = Numbers::NONE;
-        self.len = 0;
     }
 
     pub fn get(&self, number: u8) -> Option<i32> {
@@ -32,13 +30,11 @@ impl Values {
     pub fn insert(&mut self, number: u8, value: i32) {
         if let Some(place) = self.values.get_mut(usize::from(number)) {
             *place = value;
-            self.len += usize::from(!self.numbers.contains(number));
             self.numbers.insert(number);
         }
     }
 
     pub fn remove(&mut self, number: u8) {
-        self.len -= usize::from(self.numbers.contains(number));
         self.numbers.remove(number);
     }
 
@@ -46,15 +42,10 @@ impl Values {
     pub fn forget(&mut self, numbers: Numbers) -> Numbers {
         let forgotten = self.numbers.both(numbers);
         self.numbers = self.numbers.without(numbers);
-        self.len -= forgotten.len();
         forgotten
     }
 
     pub const fn numbers(&self) -> Numbers {
         self.numbers
-    }
-
-    pub const fn len(&self) -> usize {
-        self.len
     }
 }

@@ -5,7 +5,7 @@ use super::finding::Finding;
 use super::settings;
 use crate::board::Board;
 use crate::events::BoardEvent;
-use crate::find::{Find, Step, Trouble};
+use crate::find::{Find, Limits, Step, Trouble};
 use crate::set_error::SetError;
 use servo_core::sense::commutation::Commutator;
 use servo_core::sense::wiring::Wiring;
@@ -58,7 +58,8 @@ impl<B: Board> Tater<B> {
         match order {
             Order::Learn => {
                 self.command(Command::Find)?;
-                self.finding = Finding::Learning(Find::at(self.commutator.count()));
+                let limits = Limits::new(self.servo.starts(), &self.servo.config().motor);
+                self.finding = Finding::Learning(Find::at(limits, self.commutator.count()));
             }
             Order::Test | Order::TestBack => {
                 self.in_idle()?;

@@ -2,7 +2,7 @@
 
 use super::Tater;
 use crate::board::Board;
-use servo_core::guard::thermal::{HotMark, Start, UNCOUNTED};
+use servo_core::guard::thermal::{HotMark, Start};
 
 /// What a board keeps whose winding is as warm as its housing: a simulated board that has been on for some time.
 pub const COLD: u32 = u32::from_le_bytes([0, !0, RESET, !RESET]);
@@ -21,7 +21,9 @@ impl<B: Board> Tater<B> {
         self.servo.set_hot_mark(hot);
         // Until housekeeping knows better: this program may be interrupted too.
         match kept {
-            Some(Start::Interrupted(rise)) => self.retain(Start::Interrupted(rise.saturating_add(UNCOUNTED))),
+            Some(Start::Interrupted(rise)) => {
+                self.retain(Start::Interrupted(rise.saturating_add(self.servo.uncounted())))
+            }
             Some(Start::Reset(rise)) => self.retain(Start::Interrupted(rise)),
             Some(Start::Marked | Start::Unmarked) | None => {}
         }

@@ -32,6 +32,8 @@ pub struct Settings {
     pub wiring: u8,
     pub hostms: u16,
     kind: u8,
+    pub jlo: i16,
+    pub jhi: i16,
     pub hostunits: u16,
 }
 
@@ -62,6 +64,8 @@ bind! { settings for Settings:
     WIRING = wiring,
     HOSTMS = hostms,
     KIND = kind,
+    JLO = jlo,
+    JHI = jhi,
     HOSTUNITS = hostunits,
 }
 

@@ -118,6 +118,12 @@ fn unit(property: Property) -> Unit {
     UNITS.get(usize::from(property.id())).copied().unwrap_or(Unit::Own)
 }
 
+/// IPNM of this hand's motor.
+const HAND_IPNM: u64 = match Property::IPNM.rules().default_for_motor(MotorKind::Link) {
+    Some(units) => units as u64,
+    None => 1,
+};
+
 /// IPNM of a BH8-280, units of T a N·m at its motor.
 const IPNM: i32 = 20_000;
 
@@ -169,7 +175,7 @@ impl Scale {
             Unit::Counts => Self::of(theirs * CTS, ours * rev),
             Unit::CountsPerMs => Self::of(theirs * CTS, 1000 * ours * rev),
             // A N·m at the joint: IPNM / ratio of each.
-            Unit::Current => Self::of(IPNM as u64 * ours, Property::IPNM.rules().max() as u64 * theirs),
+            Unit::Current => Self::of(IPNM as u64 * ours, HAND_IPNM * theirs),
             Unit::Kp => Self::of(if is_spread { 1000 } else { 500 }, 120),
             Unit::Kd => Self::of(if is_spread { 10_000 } else { 2500 }, 640),
             _ => Self::of(1, 1),
@@ -255,7 +261,7 @@ pub fn to_host(property: Property, kind: MotorKind, value: i64) -> i64 {
 #[inline(never)]
 pub fn to_board(property: Property, kind: MotorKind, value: i64) -> i64 {
     let Ok(theirs) = i32::try_from(value) else { return value };
-    let (unit, min) = (unit(property), property.rules().min());
+    let (unit, min) = (unit(property), property.find_rules().min());
     if theirs < 0 && min == 0 {
         // A small one would round to 0.
         return value;
@@ -425,13 +431,21 @@ mod tests {
     #[test]
     fn properties_without_a_row_have_no_unit_of_their_own() {
         let plain = ["-", "bits", "code", "id", "ms", "s", "us", "ADC", "revolutions"];
-        let gains = [Property::KI, Property::KPV, Property::MKA, Property::MKE, Property::MFC, Property::MFS];
+        use Property as P;
+        // Gains, and what describes the motor: in the board's own units whatever its host.
+        let own = [
+            [P::KI, P::KPV, P::KBW, P::MKA, P::MKE, P::MFC, P::MFS, P::MR, P::MPK],
+            [P::MKT, P::MJ, P::ML, P::MVN, P::MWX, P::MWJ, P::MWR, P::JLO, P::JHI],
+        ];
         let missing: Vec<Property> = crate::property::ROWS
             .iter()
             .filter(|row| !plain.contains(&row.unit) && ROWS.iter().all(|own| own.property != row.property))
             .map(|row| row.property)
             .collect();
-        assert!(missing.iter().all(|property| gains.contains(property)), "{missing:?}");
+        assert!(
+            missing.iter().all(|property| own.iter().flatten().any(|own| own == property)),
+            "{missing:?}"
+        );
         assert!(ROWS.iter().all(|row| unit(row.property) != Unit::Own));
     }
 }

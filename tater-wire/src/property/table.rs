@@ -149,11 +149,17 @@ impl MotorKind {
     /// whole torque, 990.
     pub const GOAL_MARGIN: i16 = 8;
 
-    /// The lowest and the highest goal: the joint's range and a margin. A board refuses an order beyond it, and moves stored targets to it.
+    /// The joint's range, as JLO and JHI have it by default.
+    #[must_use]
+    pub const fn range(self) -> Range {
+        let [low, high] = self.range_counts();
+        Range { low, high }
+    }
+
+    /// See [`Range::goals`].
     #[must_use]
     pub const fn goals(self) -> [i16; 2] {
-        let [low, high] = self.range_counts();
-        [low - Self::GOAL_MARGIN, high + Self::GOAL_MARGIN]
+        self.range().goals()
     }
 
     /// The goal nearest to a place.
@@ -161,6 +167,29 @@ impl MotorKind {
     pub fn nearest_goal(self, counts: i64) -> i64 {
         let [low, high] = self.goals().map(i64::from);
         counts.max(low).min(high)
+    }
+
+    /// See [`Range::bounded`].
+    #[must_use]
+    pub fn bounded(self, property: Property, value: i32) -> i32 {
+        self.range().bounded(property, value)
+    }
+}
+
+/// A joint's range: its lowest and highest whole hall count. The stops stand half a count outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Range {
+    /// Lowest whole count: JLO.
+    pub low: i16,
+    /// Highest whole count: JHI.
+    pub high: i16,
+}
+
+impl Range {
+    /// The lowest and the highest goal: the joint's range and a margin. A board refuses an order beyond it, and moves stored targets to it.
+    #[must_use]
+    pub const fn goals(self) -> [i16; 2] {
+        [self.low.saturating_sub(MotorKind::GOAL_MARGIN), self.high.saturating_add(MotorKind::GOAL_MARGIN)]
     }
 
     /// A stored value as the board takes it: targets CT, OT and DP end at the [`Self::goals`], and IOFF, the way from a stop to zero, at the
@@ -171,12 +200,12 @@ impl MotorKind {
         let (low, high) = match property {
             Property::CT | Property::OT | Property::DP => (low, high),
             Property::IOFF => {
-                let way = high - low - i32::from(Self::GOAL_MARGIN);
+                let way = (high - low - i32::from(MotorKind::GOAL_MARGIN)).max(0);
                 (-way, way)
             }
             _ => return value,
         };
-        value.max(low).min(high)
+        value.min(high).max(low)
     }
 }
 
@@ -206,7 +235,7 @@ impl Deref for PropertySpec {
 }
 
 /// The part of a property's row that a board enforces, without texts. A program that names properties only as constants
-/// links only their rules; [`Property::rules`] of a variable and [`Property::of`] link those of all.
+/// links only their rules; [`Property::find_rules`] and [`Property::rules`] of a variable link those of all.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
     /// The property.
@@ -344,6 +373,9 @@ macro_rules! table {
         /// Every property, by ascending number.
         pub const ROWS: &[PropertySpec] = &[$(*Property::$name.row(),)*];
 
+        /// The rules of each, by ascending number.
+        static RULES: [Rules; [$($id),*].len()] = [$(*Property::$name.rules(),)*];
+
         impl Property {
             /// All rows, by ascending number.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
@@ -352,15 +384,6 @@ macro_rules! table {
             #[must_use]
             pub const fn id(self) -> u8 {
                 self as u8
-            }
-
-            /// The property of a number; `None` if there is none.
-            #[must_use]
-            pub const fn of(id: u8) -> Option<Self> {
-                match id {
-                    $($id => Some(Self::$name),)*
-                    _ => None,
-                }
             }
 
             /// The name, as in the manual; without the row's other texts, for firmware that prints it.
@@ -492,26 +515,42 @@ table! {
         "cruise velocity when opening";
     P = 48, 32, ReadWrite, Yes, "counts", -32767..=32767, Same(0),
         "position; set in idle it says what the present position is called, in mode 3 where to go; within the goals of KIND; GET is answered by the 22-bit position frame";
+    MR = 49, 32, ReadWrite, Yes, "mOhm", 20..=1000000, Same(2405),
+        "motor: resistance line to line at 25 C; MKT, MJ and ML stay";
     DP = 50, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(155, 29, 155),
         "default position: where CMD M goes; ends at the goals of KIND";
+    MPK = 51, 16, ReadWrite, Yes, "mA", 50..=30000, Same(9980),
+        "motor: peak current of a phase, which gives T 1024; MKT, MJ and ML stay";
     E = 52, 32, ReadWrite, No, "counts", -32767..=32767, Same(0),
         "where a trapezoidal move ends; during a move it re-plans; beyond the goals of KIND it is refused";
+    MKT = 53, 32, ReadWrite, No, "uN.m/A", 1..=4000000, None,
+        "motor: torque constant, which is the EMF in uV.s/rad; a view of MKE, which stores it";
     OT = 54, 32, ReadWrite, Yes, "counts", -32767..=32767, Same(0),
         "open target: where CMD O goes; ends at the goals of KIND";
+    MJ = 55, 32, ReadWrite, No, "1e-11 kg.m2", 1..=2147483647, None,
+        "motor: inertia with its load, at the motor; a view of MKA, which stores it";
     CT = 56, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(331, 169, 331),
         "close target: where CMD C goes; ends at the goals of KIND";
+    ML = 57, 32, ReadWrite, No, "0.1 uH", 1..=100000000, None,
+        "motor: inductance line to line; a view of MTE, which stores it";
     M = 58, 32, WriteOnly, No, "counts", -32767..=32767, None,
         "E and a move to it in one, HOLD says how it ends; beyond the goals of KIND it is refused";
+    MVN = 59, 16, ReadWrite, Yes, "0.1 V", 120..=480, Same(240),
+        "nominal voltage of the supply";
     DS = 60, 16, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 15, 25),
         "default step of CMD IC and IO, which end at the goals of KIND";
     UPSECS = 63, 32, Locked, Always, "s", 0..=4294967295, Same(0),
         "time with power on, ever";
     OD = 64, 32, Locked, Always, "revolutions", 0..=4294967295, Same(0),
         "odometer: way of the motor in both directions, ever; CTS counts a revolution";
-    MECH = 66, 32, ReadOnly, No, "counts", 0..=17, None,
+    MECH = 66, 32, ReadOnly, No, "counts", 0..=119, None,
         "position within one motor revolution";
-    CTS = 68, 32, ReadOnly, No, "counts", 18..=18, Same(18),
-        "counts a motor revolution";
+    MWX = 67, 16, ReadWrite, Yes, "0.1 C", 600..=2500, Same(1300),
+        "motor: highest temperature of the winding";
+    CTS = 68, 32, ReadOnly, No, "counts", 12..=120, Same(18),
+        "counts a motor revolution: three times POLES";
+    MWJ = 69, 16, ReadWrite, Yes, "0.01 J/K", 1..=65535, Same(1000),
+        "motor: heat capacity of the winding";
     PIDX = 70, 16, ReadWrite, Yes, "-", 1..=4, Slot,
         "the board's slot in packed-torque frames";
     HSG = 71, 16, ReadWrite, Yes, "-", 0..=256, Same(256),
@@ -522,6 +561,8 @@ table! {
         "velocity towards the stop in HI (tips home on their closed stop)";
     IOFF = 74, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 0, -350),
         "way from the stop to zero in HI; at most the joint's width and 8 in either direction";
+    MWR = 75, 16, ReadWrite, Yes, "0.01 K/W", 1..=65535, Same(150),
+        "motor: thermal resistance from winding to housing";
     MPE = 76, 16, ReadWrite, Yes, "counts", 0..=32767, Same(4),
         "arrival window";
     HOLD = 77, 16, ReadWrite, Yes, "-", 0..=1, Kinds(0, 1, 0),
@@ -540,16 +581,24 @@ table! {
         "acceleration is (ACCEL/1024)^2 counts/ms^2; useful up to about 60; 0 cannot move";
     JIDX = 85, 16, ReadWrite, Yes, "-", 1..=7, Motor,
         "joint index";
-    IPNM = 86, 16, ReadOnly, No, "1/N.m", 1575..=1575, Same(1575),
+    IPNM = 86, 16, ReadOnly, No, "1/N.m", 1..=32767, Same(1575),
         "torque units per newton meter at the motor";
     HALLS = 87, 16, ReadOnly, No, "bits", 0..=7, None,
         "present hall code";
     HALLH = 88, 32, ReadOnly, No, "bits", 0..=2147483647, None,
         "the last ten hall codes, the newest in the low three bits; bit 30: the position is known (HI, or stored and not moved since)";
-    POLES = 90, 16, ReadOnly, No, "-", 6..=6, Same(6),
-        "rotor poles";
+    KBW = 89, 16, ReadWrite, Yes, "0.1 Hz", 0..=1000, Same(0),
+        "bandwidth of the position loop, from which the gains are computed for the motor as it is described; 0: KP, KD and KPV hold. 166 is theirs";
+    POLES = 90, 16, ReadWrite, Yes, "-", 4..=40, Same(6),
+        "motor: poles of the rotor, an even number; MKT, MJ and ML stay";
     EN = 94, 16, ReadWrite, Yes, "-", 0..=1, Same(1),
         "whether the hand's commands without a motor prefix act on this motor; GOD's to obey";
+    FIT = 95, 16, ReadOnly, No, "code", 0..=9, None,
+        "whether the board can drive the motor as it is described: 0 it can; else why not, see the table of FIT, and nothing moves";
+    JLO = 97, 16, ReadWrite, Yes, "counts", -30000..=30000, Kinds(-25, 0, -158),
+        "joint: lowest whole count; goals go 8 beyond";
+    JHI = 99, 16, ReadWrite, Yes, "counts", -30000..=30000, Kinds(338, 166, 350),
+        "joint: highest whole count; goals go 8 beyond";
     LCVC = 105, 16, ReadWrite, Yes, "-", 1..=255, Same(8),
         "RealTime velocity bytes are multiplied by this; GOD's to obey";
     IHIT = 108, 16, ReadWrite, Yes, "1/1024 peak", 0..=990, Same(250),
@@ -580,21 +629,48 @@ table! {
         "V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended";
     // The motor of decision 0003 with 2e-5 kg·m²: 0.6496 N·m/1024 / 2e-5 kg·m² / 0.3491 rad = 90.9 counts/s², 0.0651 V·s/rad,
     // 0.03 and 0.04 N·m, 0.8 mH / 2.4 Ω.
-    MKA = 122, 16, ReadWrite, Yes, "1/16 count/s2 per 1/1024 peak", 400..=5000, Same(1454),
+    MKA = 122, 16, ReadWrite, Yes, "1/16 count/s2 per 1/1024 peak", 16..=65535, Same(1454),
         "motor model: acceleration of motor and joint by torque";
-    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 1600..=5000, Same(3971),
-        "motor model: EMF; a torque unit is 1/1024 of 24 V";
-    MFC = 124, 16, ReadWrite, Yes, "1/1024 peak", 0..=100, Same(47),
+    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 16..=65535, Same(3971),
+        "motor model: EMF; 1024 torque units are the voltage MR MPK, 24 V";
+    MFC = 124, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(47),
         "motor model: friction in motion";
-    MFS = 125, 16, ReadWrite, Yes, "1/1024 peak", 0..=130, Same(63),
+    MFS = 125, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(63),
         "motor model: friction at rest; at least MFC counts";
-    MTE = 126, 16, ReadWrite, Yes, "us", 0..=1000, Same(333),
+    MTE = 126, 16, ReadWrite, Yes, "us", 0..=20000, Same(333),
         "motor model: electrical time constant";
     HOSTUNITS = 127, 16, ReadWrite, Yes, "-", 0..=280, Same(0),
         "units of values on the bus: 0 those of this table; 280 those of a BH8-280, for its hosts (decision 0070); nothing between";
 }
 
+/// The place of each number in [`RULES`]; where no property has the number, that of the first.
+static PLACES: [u8; 128] = {
+    let mut places = [0; 128];
+    let mut at = 0;
+    while at < RULES.len() {
+        places[RULES[at].property.id() as usize] = at as u8;
+        at += 1;
+    }
+    places
+};
+
 impl Property {
+    /// [`Self::rules`] of a property that is not a constant: a table of its own, smaller than the branches of that.
+    #[inline(never)]
+    #[must_use]
+    pub fn find_rules(self) -> &'static Rules {
+        let place = PLACES.get(usize::from(self.id())).map_or(0, |place| usize::from(*place));
+        RULES.get(place).unwrap_or(const { Self::VERS.rules() })
+    }
+
+    /// The property of a number; `None` if there is none.
+    #[must_use]
+    pub fn of(id: u8) -> Option<Self> {
+        let place = PLACES.get(usize::from(id)).map(|place| usize::from(*place));
+        let rules = place.and_then(|place| RULES.get(place))?;
+        (rules.property.id() == id).then_some(rules.property)
+    }
+
     /// The property of a name, case-insensitive.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
@@ -604,7 +680,7 @@ impl Property {
     /// The property's value from the wire: signed, unless its row is unsigned.
     #[must_use]
     pub fn read(self, value: Value) -> i64 {
-        let unsigned = self.rules().unsigned();
+        let unsigned = self.find_rules().unsigned();
         match value {
             Value::Short(bits) if unsigned => i64::from(bits),
             Value::Short(bits) => i64::from(bits.cast_signed()),
@@ -616,7 +692,7 @@ impl Property {
     /// A value on the wire: see [`Rules::write`].
     #[must_use]
     pub fn write(self, value: i64) -> Option<Value> {
-        self.rules().write(value)
+        self.find_rules().write(value)
     }
 
     /// Whether SAVE stores the property of a number; `false` if it does not exist.

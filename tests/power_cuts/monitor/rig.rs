@@ -1,6 +1,7 @@
 //! A monitor on simulated flash, its bus with transmission times, and the hosts at the other end.
 
 use hil_world::rig::flash::SimFlash;
+use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
 use std::collections::VecDeque;
@@ -52,6 +53,7 @@ pub struct Bed {
 
 impl Board for Bed {
     type Flash = Logged;
+    const FIGURES: BoardFigures = BoardFigures::TATER;
 
     fn bridge(&mut self, bridge: Bridge) {
         self.flash.sim.set_bridge_on(bridge != Bridge::Off);

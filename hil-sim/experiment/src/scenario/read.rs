@@ -120,7 +120,7 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
             // Already checked: the ranges do not depend on the motor.
             let _ = property.set(&mut config, value);
         }
-        cases.push(Case { motor: *motor, plant: plant(source, *motor, &parsed.plant)?, config });
+        cases.push(Case { motor: *motor, plant: plant(source, *motor, &parsed.plant)?, config, range: None });
     }
     let rig = match &parsed.rig {
         None => RigParams::default(),

@@ -9,13 +9,10 @@
 
 use std::cell::Cell;
 
-use super::params::{PlantParams, RAD_PER_COUNT};
+use super::params::PlantParams;
 
 /// A joint's stops, the first of its contacts; a person's finger, if there is one, and objects follow.
 const STOPS: usize = 2;
-
-/// Cogging periods per turn of the motor: the least common multiple of 9 slots and 6 poles, the usual pair; once a count.
-const COGGING_PER_TURN: f64 = 18.0;
 
 /// A spring and damper that resists motion beyond a position.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +72,8 @@ pub struct Joint {
     per_stribeck: f64,
     viscous: f64,
     cogging: f64,
+    /// Cogging periods per turn of the motor: the least common multiple of slots and poles, such as 9 and 6; once a count.
+    per_turn: f64,
     /// Friction torque per load torque when driving against the load and when moving with it.
     worm: [f64; 2],
     /// Rotor and joint move freely against each other by so much, rad.
@@ -128,7 +127,7 @@ impl Joint {
             [0.0; 2]
         };
         let stop = |count: f64, side: f64| Contact {
-            from: count * RAD_PER_COUNT,
+            from: count * p.rad_per_count(),
             side,
             stiffness: p.stop_stiffness_n_m_rad,
             damping: p.stop_damping_n_m_s,
@@ -139,11 +138,12 @@ impl Joint {
             j: p.j_kg_m2,
             coulomb: p.coulomb_n_m,
             stiction: p.static_n_m,
-            per_stribeck: 1.0 / (p.stribeck_counts_s * RAD_PER_COUNT),
+            per_stribeck: 1.0 / (p.stribeck_counts_s * p.rad_per_count()),
             viscous: p.viscous_n_m_s,
             cogging: p.cogging_n_m,
+            per_turn: 6.0 * f64::from(p.pole_pairs),
             worm,
-            backlash: p.backlash_counts * RAD_PER_COUNT,
+            backlash: p.backlash_counts * p.rad_per_count(),
             compliance: p.gear_rad_n_m,
             contacts,
             finger: None,
@@ -299,7 +299,7 @@ impl Joint {
     /// Energy stored in springs and in the magnets at a position, J.
     #[must_use]
     pub(crate) fn spring_j(&self, theta: f64) -> f64 {
-        let magnets = self.cogging / COGGING_PER_TURN * (1.0 - libm::cos(COGGING_PER_TURN * theta));
+        let magnets = self.cogging / self.per_turn * (1.0 - libm::cos(self.per_turn * theta));
         let joint = self.behind(theta);
         let gear = 0.5 * self.compliance * joint.torque * joint.torque;
         self.contacts.iter().map(|c| c.stored_j(joint.theta)).sum::<f64>() + gear + magnets
@@ -362,8 +362,8 @@ impl Joint {
         if self.cogging == 0.0 {
             return (0.0, 0.0);
         }
-        let (sin, cos) = libm::sincos(COGGING_PER_TURN * mid);
-        let stiffness = COGGING_PER_TURN * self.cogging * cos;
+        let (sin, cos) = libm::sincos(self.per_turn * mid);
+        let stiffness = self.per_turn * self.cogging * cos;
         (-self.cogging * sin - stiffness * (theta - mid), stiffness)
     }
 

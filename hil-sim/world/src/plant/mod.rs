@@ -103,6 +103,8 @@ pub struct Start {
 /// The plant of one motor.
 #[derive(Clone, Debug)]
 pub struct Plant {
+    /// Radians of the shaft per hall count.
+    rad_per_count: f64,
     params: PlantParams,
     model: Model,
     max_step_us: u64,
@@ -140,14 +142,16 @@ impl Plant {
             return Err(ParamError { field: "start_count", found: start.count, expected });
         }
         let winding = winding(&params, start.heat.winding_c);
+        let rad_per_count = params.rad_per_count();
         let shaft = Shaft {
-            theta: start.count * RAD_PER_COUNT,
-            omega: start.counts_per_s * RAD_PER_COUNT,
+            theta: start.count * rad_per_count,
+            omega: start.counts_per_s * rad_per_count,
             ..Shaft::default()
         };
         let joint = Joint::new(&params, objects);
         let stored_at_start = joint.kinetic_j(&shaft) + joint.spring_j(shaft.theta);
         Ok(Self {
+            rad_per_count,
             inverter: Inverter::new(model, winding, params.dead_time_us * 1e-6),
             joint,
             model,
@@ -198,10 +202,16 @@ impl Plant {
         self.state = state;
     }
 
+    /// Radians of the shaft per hall count.
+    #[must_use]
+    pub const fn rad_per_count(&self) -> f64 {
+        self.rad_per_count
+    }
+
     /// Rotor position, counts.
     #[must_use]
     pub fn counts(&self) -> f64 {
-        self.state.shaft.theta / RAD_PER_COUNT
+        self.state.shaft.theta / self.rad_per_count
     }
 
     /// The parameters, with the present supply voltage.
@@ -243,7 +253,7 @@ impl Plant {
     /// Position of the joint behind the gear's play and twist, counts of the motor.
     #[must_use]
     pub fn joint_counts(&self) -> f64 {
-        self.joint.position(self.state.shaft.theta) / RAD_PER_COUNT
+        self.joint.position(self.state.shaft.theta) / self.rad_per_count
     }
 
     /// Energy stored in the objects in the joint's way, J.
@@ -314,7 +324,7 @@ impl Plant {
         let half = 0.5 * dt;
         let omega = s.shaft.omega + half * s.shaft.acceleration;
         let theta = s.shaft.theta + half * (s.shaft.omega + 0.5 * half * s.shaft.acceleration);
-        let shape = trapezoid(theta / RAD_PER_COUNT + f64::from(self.params.zero_sector));
+        let shape = trapezoid(theta / self.rad_per_count + f64::from(self.params.zero_sector));
         let k = 0.5 * self.params.ke_v_s;
         let e = shape.map(|f| k * omega * f);
         let phase = (s.t_us % PERIOD_US) as f64 * 1e-6;

@@ -7,9 +7,7 @@ pub mod params;
 pub use params::{HallGlitch, RigParams, StuckLine};
 
 use crate::plant::supply::Feed;
-use crate::plant::{
-    Contact, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT, SharedSupply, Start, Supply,
-};
+use crate::plant::{Contact, Ledger, Model, ParamError, Plant, PlantParams, SharedSupply, Start, Supply};
 use halls::Halls;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -182,7 +180,7 @@ impl Rig {
                 return Err(ParamError { field: "from_count", found: o.from_count, expected });
             }
             contacts.push(Contact {
-                from: o.from_count * RAD_PER_COUNT,
+                from: o.from_count * plant.rad_per_count(),
                 side,
                 stiffness: o.stiffness_n_m_rad,
                 damping: o.damping_n_m_s,
@@ -500,10 +498,10 @@ impl Rig {
         }
         let (dir, boundary) = if end < low { (-1.0, low) } else { (1.0, high) };
         let steps = (to_us - from.t_us) as f64;
-        let start = from.shaft.theta / RAD_PER_COUNT;
+        let start = from.shaft.theta / self.plant.rad_per_count();
         // Under constant acceleration the fraction of the step until the boundary solves a quadratic; with velocity and distance
         // positive towards the boundary, this form is stable as the acceleration goes to zero.
-        let v0 = dir * from.shaft.omega / RAD_PER_COUNT * steps * 1e-6;
+        let v0 = dir * from.shaft.omega / self.plant.rad_per_count() * steps * 1e-6;
         let curve = dir * (end - start) - v0;
         let to_go = dir * (boundary - start);
         let share = 2.0 * to_go / (v0 + (v0 * v0 + 4.0 * curve * to_go).max(0.0).sqrt());
@@ -567,7 +565,7 @@ impl Rig {
         Truth {
             t_us: s.t_us,
             counts: self.plant.counts(),
-            counts_per_s: s.shaft.omega / RAD_PER_COUNT,
+            counts_per_s: s.shaft.omega / self.plant.rad_per_count(),
             torque_n_m: s.torque,
             phase_a: s.current,
             peak_phase_a: self.peak_phase_a,

@@ -389,5 +389,5 @@ fn torque_goes_on_until_the_way_to_zero_begins() {
     assert!(is_starting(&bench));
     let (before, now) = (before.expect("a tick before"), bench.servo.telemetry());
     assert_eq!((now.torque, now.duty), (before.torque, before.duty));
-    assert!(now.torque.saturating_abs() > FRICTION, "{:?}", now.torque);
+    assert!(now.torque.saturating_abs() > bench.servo.tuning.figures.friction, "{:?}", now.torque);
 }

@@ -1,7 +1,6 @@
 //! What each motion means for mode, guards and limits, by tables over all motions.
 
 use super::*;
-use crate::guard::direction;
 use crate::guard::fault::LimitCause;
 
 fn at(position: i32) -> PositionLoop {
@@ -17,7 +16,7 @@ fn moving(position: i32, velocity: i16) -> PositionLoop {
 /// An integral of about 300 units.
 fn loaded() -> PidState {
     let mut pid = PidState::default();
-    let integrating = PidConfig { kp: 0, ki: 30_000, kd: 0 }.build();
+    let integrating = Gains { kp: Law::ZERO, kd: Law::ZERO, kpv: Law::ZERO }.build(30_000);
     let errors = Errors {
         stage: Stage::Move,
         position: Law::from_num(10),
@@ -275,7 +274,13 @@ fn torque_of(control: PositionLoop, velocity: i16, config: Change) -> i16 {
     servo.motion = Motion::Position(control);
     servo.position = Counts::from_int(1);
     servo.velocity = CountsPerSec::from_int(velocity);
-    let envelope = servo.limiter.envelope(Torque(750), Torque(990), 0, MilliVolts(24_000), &LastTick::OFF);
+    let envelope = servo.limiter.envelope(
+        &servo.tuning.figures.scale,
+        (Torque(750), Torque(990)),
+        0,
+        MilliVolts(24_000),
+        &LastTick::OFF,
+    );
     servo.position_torque(&envelope).0
 }
 
@@ -356,7 +361,12 @@ fn homing_seeks_with_ihit_and_leaves_with_mt() {
         (750, 750, -1, true),
     ] {
         let config = Config { ihit, mt, ivel, ..Joint::Spread.config() };
-        assert_eq!(Tuning::new(config, Torque(990)).can_home(), can, "{ihit} {mt} {ivel}");
+        assert_eq!(
+            Tuning::new(config, None, Figures::new(&config.motor, config.board), &Direction::Right)
+                .can_home(),
+            can,
+            "{ihit} {mt} {ivel}"
+        );
     }
 }
 
@@ -484,7 +494,7 @@ fn pressing_applies_all_torque_below_half_its_speed() {
         let half = CountsPerSec::from_int(goal / 2);
         let slower = CountsPerSec(half.0 - delta.0 * i32::from(goal.signum()));
         let mut bench = with(Motion::Pressing { way });
-        bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
+        bench.servo.tuning.velocity_loop = VelocityLoop::new(Law::from_bits(1 << 12), &Motor::HAND);
         let all = if way.is_closing() { most } else { most.saturating_neg() };
         for (velocity, presses) in [(slower, true), (half, false), (CountsPerSec::from_int(goal), false)] {
             bench.servo.velocity = velocity;
@@ -503,7 +513,7 @@ fn homing_applies_all_torque_once_it_has_stood_for_125_ms() {
         for (ms, all) in [(124, false), (125, true)] {
             let mut bench = with(home(Homing::Seek));
             bench.servo.tuning.config.ivel = ivel;
-            bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
+            bench.servo.tuning.velocity_loop = VelocityLoop::new(Law::from_bits(1 << 12), &Motor::HAND);
             stalled_for(&mut bench, Way::closing_if(closing), ms);
             let by_loop = by_velocity_loop(&bench, ivel, CountsPerSec::ZERO, most);
             let pushing = if closing { most } else { most.saturating_neg() };
@@ -707,9 +717,10 @@ fn direction_is_watched_until_it_settles_and_at_each_count() {
         (Motion::Field(Torque(5)), false, true, false),
     ] {
         let mut bench = with(motion);
-        bench.servo.direction = crate::guard::direction::Direction::at_rest(0);
+        bench.servo.direction = bench.servo.at_rest();
+        let starts = *bench.servo.starts();
         // A motor at rest that is not driven settles.
-        (0..1000).filter(|_| settled).for_each(|_| _ = bench.servo.direction.step(0, Torque(80)));
+        (0..1000).filter(|_| settled).for_each(|_| _ = bench.servo.direction.step(&starts, 0, Torque(80)));
         assert_eq!(bench.servo.direction.is_settled(), settled);
         assert_eq!(bench.servo.watches(counted), watches, "{motion:?} {settled} {counted}");
     }
@@ -766,16 +777,16 @@ fn position_set_in_idle_renames_the_count() {
 #[test]
 fn untrusted_direction_is_watched_from_where_a_motor_starts_that_was_off() {
     let mut bench = Bench::new(Joint::Link);
-    bench.servo.set_direction(direction::Direction::at_rest(0));
+    bench.servo.set_direction(bench.servo.at_rest());
     bench.servo.applied = AppliedTorque::OFF;
     bench.tick_to(20);
     bench.servo.start(Goal::Velocity);
-    assert_eq!(bench.servo.direction, direction::Direction::at_rest(20));
+    assert_eq!(bench.servo.direction, Direction::at_rest(bench.servo.starts(), 20));
     // What drives it already goes on being judged.
     bench.servo.applied.torque = Torque(80);
     bench.servo.count = 30;
     bench.servo.start(Goal::Velocity);
-    assert_eq!(bench.servo.direction, direction::Direction::at_rest(20));
+    assert_eq!(bench.servo.direction, Direction::at_rest(bench.servo.starts(), 20));
 }
 
 #[test]

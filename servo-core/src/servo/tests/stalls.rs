@@ -14,7 +14,7 @@ fn driven(bench: &mut Bench, ms: usize, mut write: impl FnMut(&mut Servo, usize)
         }
         bench.tick();
         while bench.servo.event().is_some() {}
-        let pushes = bench.servo.telemetry().torque.saturating_abs() > FRICTION;
+        let pushes = bench.servo.telemetry().torque.saturating_abs() > bench.servo.tuning.figures.friction;
         (total, rest) = if pushes { (total + 1, 0) } else { (total, rest + 1) };
         here = if rest >= bench.servo.config().tstop { 0 } else { here + u32::from(pushes) };
         longest = longest.max(here);

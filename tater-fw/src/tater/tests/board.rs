@@ -2,6 +2,7 @@
 
 use servo_core::Drive;
 use servo_core::mode::Mode;
+use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, Micros, MilliAmps, MilliVolts};
 use std::vec::Vec;
@@ -143,6 +144,7 @@ impl FakeBoard {
 
 impl Board for FakeBoard {
     type Flash = FakeFlash;
+    const FIGURES: BoardFigures = BoardFigures::TATER;
 
     fn bridge(&mut self, bridge: Bridge) {
         self.bridge = bridge;
