@@ -457,6 +457,7 @@ fn check(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servo_core::motor::Unfit;
 
     const EC45: &str = "[motor]\nr_ohm = 0.942\nl_mh = 0.363\nkt_n_m_a = 0.036\npole_pairs = 8\nj_kg_m2 = 1.35e-5\npeak_a = 10.2\n";
 
@@ -498,12 +499,29 @@ mod tests {
             (with("coulomb_n_m = 0.01\nstatic_n_m = 0.005"), ["static_n_m", "at least coulomb_n_m, 0.01"]),
             (with("[joint]\nmin_count = 5"), ["one end", "give both"]),
             (with("[joint]\nmin_count = 5\nmax_count = 5"), ["max_count", "above min_count, 5"]),
-            (EC45.replace("peak_a = 10.2", "peak_a = 3"), ["current loop", "supply over R*peak 8.5"]),
+            (EC45.replace("peak_a = 10.2", "peak_a = 3"), ["current loop", "supply over R*peak 8.48"]),
             (EC45.replace("1.35e-5", "1e-6"), ["below 1 ms", "R*J/Kt^2 0.73 ms"]),
             (EC45.replace("0.036", "0.02"), ["6000 counts/s", "check the figures"]),
         ] {
             let found = parse(&text).expect_err("refused");
             assert!(expected.iter().all(|part| found.contains(part)), "{text}: {found}");
+        }
+    }
+
+    /// Each key has a row of its own or shares one, and each reason of FIT its number and its words.
+    #[test]
+    fn page_names_every_key_and_every_reason() {
+        let page = include_str!("../../../docs/motor.md");
+        let joint = "gear_ratio load_j_kg_m2 min_count max_count worm_lead_deg backlash_counts stop_stiffness_n_m_rad";
+        let motor = "name r_ohm l_mh kt_n_m_a pole_pairs j_kg_m2 coulomb_n_m static_n_m viscous_n_m_s peak_a max_winding_c winding_j_k \
+                     winding_housing_k_w volts";
+        for key in motor.split_whitespace().chain(joint.split_whitespace()) {
+            let rows =
+                page.lines().filter(|line| line.starts_with('|') && line.contains(&format!("`{key}`")));
+            assert_eq!(rows.count(), 1, "{key}");
+        }
+        for why in Unfit::ALL {
+            assert!(page.contains(&format!("| {} | {} |", why.code(), why.text())), "{why:?}");
         }
     }
 
