@@ -191,10 +191,9 @@ impl Tuned {
 /// Bad arguments; no candidate that keeps the limits; files that cannot be written.
 pub fn tune(args: &mut TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     interrupt::finish_first();
-    let (kinds, motor_file) = args.motor.read()?;
-    args.figures.motor_file = motor_file;
-    let args = &*args;
-    let pareto = pareto(args)?;
+    let kinds;
+    (kinds, args.figures.motor_file) = args.motor.read()?;
+    let (args, pareto) = (&*args, pareto(args)?);
     args.out.as_deref().map_or(Ok(()), check_folder)?;
     let jobs = args.jobs.map_or(0, |jobs| jobs as usize);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(|e| {

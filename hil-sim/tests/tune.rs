@@ -79,7 +79,7 @@ fn bad_arguments_name_the_option_and_a_next_step() {
         ("--properties KPW", "did you mean KP?"),
         ("--pareto chatter", "two different names"),
         ("--pareto chatter,chatter", "two different names"),
-        ("--plant j_kg_m2=0.000000011", "j_kg_m2 is out of range"),
+        ("--plant ke_v_s=0.0075", "ke_v_s is out of range"),
         ("--out tests/tune.rs", "cannot be written"),
         ("--out /dev/full", "cannot be written"),
         ("--pareto chatter,settling", "did you mean settling_ms?"),

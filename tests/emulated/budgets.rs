@@ -12,8 +12,9 @@ use tater_wire::{Cmd, Property};
 use super::bench::{Bench, NODE, flashed, production};
 
 /// Instructions of a control tick (decision 0064: 650 and 900 were wanted), and of a hall edge until the bridge is written (decision 0004).
-const TICK_MEAN: f64 = 900.0;
-const TICK_MAX: u64 = 1500;
+// 900 and 1500 before the motor was described: its thresholds are loads, where they were constants (decision 0083).
+const TICK_MEAN: f64 = 950.0;
+const TICK_MAX: u64 = 1560;
 const HALL_MAX: u64 = 250;
 const LOAD_PCT: f64 = 25.0;
 /// Full speed in counts/s: the range of a tip, 350 counts, allows no more at the greatest ACCEL.

@@ -105,6 +105,7 @@ const ARROWS: [Arrows; 22] = [
         others: Some(&[
             "fixed",
             "flate2",
+            "libm",
             "heapless",
             "proptest (dev)",
             "rand",

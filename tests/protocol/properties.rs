@@ -62,7 +62,21 @@ fn range(row: &PropertySpec, number: u8) -> [i64; 2] {
 fn holds(row: &PropertySpec) -> bool {
     let steers =
         matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V | Property::FIND);
-    matches!(row.access, Access::ReadWrite | Access::Locked) && !steers
+    // What they are written as is kept in MKE, MKA and MTE, to a step of those.
+    let views = matches!(row.property, Property::MKT | Property::MJ | Property::ML);
+    matches!(row.access, Access::ReadWrite | Access::Locked) && !steers && !views
+}
+
+/// What describes the motor together: a value of one reads differently after another.
+fn follows(changed: Property, other: Property) -> bool {
+    use Property as P;
+    match changed {
+        P::MR | P::MPK | P::POLES => {
+            matches!(other, P::MKE | P::MKA | P::MTE | P::MKT | P::MJ | P::ML | P::IPNM | P::CTS | P::FIT)
+        }
+        P::MKE | P::MKA | P::MTE => matches!(other, P::MKT | P::MJ | P::ML | P::IPNM | P::FIT),
+        _ => other == P::FIT,
+    }
 }
 
 #[test]
@@ -172,7 +186,9 @@ fn set_changes_only_its_property_and_dependents() {
             assert!(set(&mut bench, row, wire));
             for (other, (before, after)) in ROWS.iter().zip(before.into_iter().zip(all(&mut bench))) {
                 assert!(
-                    other.property == row.property || before == after,
+                    other.property == row.property
+                        || before == after
+                        || follows(row.property, other.property),
                     "{} changes {} on node {number}",
                     row.name,
                     other.name

@@ -158,7 +158,7 @@ fn five_thousand_saves_of_each_property_wear_no_page_out() {
     println!(
         "figure: 5,000 FSAVEs, of each property one by one: {most} erases of the most erased page, {least} of the least"
     );
-    assert!(most <= 660, "more than the module says: {most}");
+    assert!(most <= 870, "more than the module says: {most}");
     assert!(most - least <= 1, "not spread: {least} to {most}");
 }
 
@@ -182,16 +182,16 @@ fn years(years: u64, counts_per_s: u64, stride: usize) -> (u32, u32) {
 #[test]
 fn ten_years_of_counting_wear_no_page_out() {
     let standing = years(10, 0, 29);
-    // As the module states: 315.6 million s / 58 s / 392 half-words / 8 pages.
-    assert!((1650..=1750).contains(&standing.0), "{standing:?}");
+    // As the module states: 315.6 million s / 58 s / 364 half-words / 8 pages.
+    assert!((1800..=1890).contains(&standing.0), "{standing:?}");
     // A year of continuous movement at a finger's top speed stands for ten years of use.
     let moving = years(1, 500, 2);
     println!(
         "figure: erases of the most erased page: {} in ten years standing, {} in a year of moving all the time",
         standing.0, moving.0
     );
-    // 8,700 in 9.9 years, as the module states.
-    assert!(99 * moving.0 < 10 * 8_700 && 8_700 < ENDURANCE, "{moving:?}");
+    // 9,200 in 9.9 years, as the module states.
+    assert!(99 * moving.0 < 10 * 9_200 && 9_200 < ENDURANCE, "{moving:?}");
 }
 
 #[test]

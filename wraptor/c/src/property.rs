@@ -92,16 +92,28 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_MOV = 47,
     /// position; set in idle it says what the present position is called, in mode 3 where to go; within the goals of KIND; GET is answered by the 22-bit position frame; unit: counts
     WRAPTOR_PROPERTY_P = 48,
+    /// motor: resistance line to line at 25 C; MKT, MJ and ML stay; unit: mOhm
+    WRAPTOR_PROPERTY_MR = 49,
     /// default position: where CMD M goes; ends at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_DP = 50,
+    /// motor: peak current of a phase, which gives T 1024; MKT, MJ and ML stay; unit: mA
+    WRAPTOR_PROPERTY_MPK = 51,
     /// where a trapezoidal move ends; during a move it re-plans; beyond the goals of KIND it is refused; unit: counts
     WRAPTOR_PROPERTY_E = 52,
+    /// motor: torque constant, which is the EMF in uV.s/rad; a view of MKE, which stores it; unit: uN.m/A
+    WRAPTOR_PROPERTY_MKT = 53,
     /// open target: where CMD O goes; ends at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_OT = 54,
+    /// motor: inertia with its load, at the motor; a view of MKA, which stores it; unit: 1e-11 kg.m2
+    WRAPTOR_PROPERTY_MJ = 55,
     /// close target: where CMD C goes; ends at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_CT = 56,
+    /// motor: inductance line to line; a view of MTE, which stores it; unit: 0.1 uH
+    WRAPTOR_PROPERTY_ML = 57,
     /// E and a move to it in one, HOLD says how it ends; beyond the goals of KIND it is refused; unit: counts
     WRAPTOR_PROPERTY_M = 58,
+    /// nominal voltage of the supply; unit: 0.1 V
+    WRAPTOR_PROPERTY_MVN = 59,
     /// default step of CMD IC and IO, which end at the goals of KIND; unit: counts
     WRAPTOR_PROPERTY_DS = 60,
     /// time with power on, ever; unit: s
@@ -110,8 +122,12 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_OD = 64,
     /// position within one motor revolution; unit: counts
     WRAPTOR_PROPERTY_MECH = 66,
-    /// counts a motor revolution; unit: counts
+    /// motor: highest temperature of the winding; unit: 0.1 C
+    WRAPTOR_PROPERTY_MWX = 67,
+    /// counts a motor revolution: three times POLES; unit: counts
     WRAPTOR_PROPERTY_CTS = 68,
+    /// motor: heat capacity of the winding; unit: 0.01 J/K
+    WRAPTOR_PROPERTY_MWJ = 69,
     /// the board's slot in packed-torque frames
     WRAPTOR_PROPERTY_PIDX = 70,
     /// strain above which a move ends; 0, 255 and 256 disable
@@ -122,6 +138,8 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_IVEL = 73,
     /// way from the stop to zero in HI; at most the joint's width and 8 in either direction; unit: counts
     WRAPTOR_PROPERTY_IOFF = 74,
+    /// motor: thermal resistance from winding to housing; unit: 0.01 K/W
+    WRAPTOR_PROPERTY_MWR = 75,
     /// arrival window; unit: counts
     WRAPTOR_PROPERTY_MPE = 76,
     /// after a motion: 1 holds the position, 0 idles; a move that MODE 5 orders holds with either, but not with HOSTUNITS 280
@@ -144,10 +162,18 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_HALLS = 87,
     /// the last ten hall codes, the newest in the low three bits; bit 30: the position is known (HI, or stored and not moved since); unit: bits
     WRAPTOR_PROPERTY_HALLH = 88,
-    /// rotor poles
+    /// bandwidth of the position loop, from which the gains are computed for the motor as it is described; 0: KP, KD and KPV hold. 166 is theirs; unit: 0.1 Hz
+    WRAPTOR_PROPERTY_KBW = 89,
+    /// motor: poles of the rotor, an even number; MKT, MJ and ML stay
     WRAPTOR_PROPERTY_POLES = 90,
     /// whether the hand's commands without a motor prefix act on this motor; GOD's to obey
     WRAPTOR_PROPERTY_EN = 94,
+    /// whether the board can drive the motor as it is described: 0 it can; else why not, see the table of FIT, and nothing moves; unit: code
+    WRAPTOR_PROPERTY_FIT = 95,
+    /// joint: lowest whole count; goals go 8 beyond; unit: counts
+    WRAPTOR_PROPERTY_JLO = 97,
+    /// joint: highest whole count; goals go 8 beyond; unit: counts
+    WRAPTOR_PROPERTY_JHI = 99,
     /// RealTime velocity bytes are multiplied by this; GOD's to obey
     WRAPTOR_PROPERTY_LCVC = 105,
     /// torque limit in HI; unit: 1/1024 peak
@@ -178,7 +204,7 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_VSET = 121,
     /// motor model: acceleration of motor and joint by torque; unit: 1/16 count/s2 per 1/1024 peak
     WRAPTOR_PROPERTY_MKA = 122,
-    /// motor model: EMF; a torque unit is 1/1024 of 24 V; unit: 1/4096 of 1/1024 peak per count/s
+    /// motor model: EMF; 1024 torque units are the voltage MR MPK, 24 V; unit: 1/4096 of 1/1024 peak per count/s
     WRAPTOR_PROPERTY_MKE = 123,
     /// motor model: friction in motion; unit: 1/1024 peak
     WRAPTOR_PROPERTY_MFC = 124,
