@@ -45,7 +45,7 @@
 //!   half-words, a page and three eighths, 870 erases a page. Saved by one command it is a quarter.
 //! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,880 erases a page. OD is stored along with
 //!   it, and each 450 revolutions in between. Moving all the time as fast as a finger can (500 counts/s) is 21 million more,
-//!   9,200 erases a page together. PTEMP only rises: 1,250 half-words in its life.
+//!   9,240 erases a page together. PTEMP only rises: 1,250 half-words in its life.
 //! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 682, and 5,000 of
 //!   them are 1,190 erases a page.
 //! * The hot mark is two half-words each time that the winding gets hot and cools down, at least 5.5 s: at most 31,000 a day, which the

@@ -648,7 +648,13 @@ static PLACES: [u8; 128] = {
     let mut places = [0; 128];
     let mut at = 0;
     while at < RULES.len() {
-        places[RULES[at].property.id() as usize] = at as u8;
+        #[allow(
+            clippy::indexing_slicing,
+            reason = "evaluated by the compiler, which refuses a number beyond 127"
+        )]
+        {
+            places[RULES[at].property.id() as usize] = at as u8;
+        }
         at += 1;
     }
     places
