@@ -279,7 +279,7 @@ impl Motor {
         if self.peak_mw() > MOST_HEATING * u32::from(self.mwj) || self.winding_ms() < LEAST_WINDING_MS {
             return Err(Unfit::Heat);
         }
-        if self.mte > MOST_LAG_US || full > MOST_FULL_MV || full < LEAST_FULL_MV {
+        if self.mte > MOST_LAG_US || !(LEAST_FULL_MV..=MOST_FULL_MV).contains(&full) {
             return Err(Unfit::Winding);
         }
         if self.stiction() > MOST_FRICTION { Err(Unfit::Friction) } else { Ok(()) }
