@@ -320,7 +320,7 @@ impl Motor {
         let most = MOST_TORQUE + root_within(square, 0, 4096);
         let reached = half_up(u64::from(self.mvn) * 700 * 1024, u64::from(self.full_mv()) * 6);
         // MKE is 4096 · K.
-        (most + MORE_TORQUE < reached).then(|| saturating_u16((most << 12) / u32::from(self.mke)))
+        (most + MORE_TORQUE < reached).then(|| saturating_u16((most << 12) / u32::from(self.mke).max(1)))
     }
 
     /// Power in the winding at peak current, mW.

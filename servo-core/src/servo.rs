@@ -374,6 +374,11 @@ fn carried(observer: &Observer, stage: Stage, goal: Law, error: Law) -> (Law, La
     (friction, load)
 }
 
+/// Most torque of a motion and of HI.
+fn limits(config: &Config, limit: Torque) -> (Torque, Torque) {
+    (config::torque(config.mt).min(limit), config::torque(config.ihit.min(config.mt)).min(limit))
+}
+
 #[derive(Debug)]
 struct Tuning {
     config: Config,
@@ -397,7 +402,8 @@ impl Tuning {
         let gains = Gains::new(&config);
         let mv = mv.min(figures.fastest);
         let (closing, opening) = (config::speed(mv.min(mcv)), config::speed(mv.min(mov)));
-        let mut tuning = Self {
+        let (most, homing_most) = limits(&config, direction.limit(&figures.starts));
+        Self {
             config,
             unfit,
             figures,
@@ -406,18 +412,15 @@ impl Tuning {
             strain: Window::new(hsg, lsg),
             ramps: MoveLimits { accel, closing, opening }.build(),
             step_ramps: Ramps::as_fast_as(figures.step_accel),
-            most: Torque::ZERO,
-            homing_most: Torque::ZERO,
-        };
-        tuning.limit(direction.limit(&figures.starts));
-        tuning
+            most,
+            homing_most,
+        }
     }
 
     /// Limits the torque until the direction is known.
     #[inline(never)]
     fn limit(&mut self, limit: Torque) {
-        self.most = config::torque(self.config.mt).min(limit);
-        self.homing_most = config::torque(self.config.ihit.min(self.config.mt)).min(limit);
+        (self.most, self.homing_most) = limits(&self.config, limit);
     }
 
     fn can_home(&self) -> bool {

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! The legs of one sector after another are held, with a torque that rises until a hall line changes or [`Limits::most`] is reached.
+//! The legs of one sector after another are held, with a torque that rises until a hall line changes or `Limits::most` is reached.
 //! Legs of sector k pull the rotor to the boundary of sectors k + 1 and k + 2 (decision 0003). Each change of the code says
 //! which way a vector turned the rotor over a boundary, so it did work of that sign. Of the twelve wirings that fit the order
 //! of the codes, the one under which the field did most work is right:
