@@ -104,7 +104,7 @@ pub struct Tater<B: Board> {
     kind: MotorKind,
     servo: Servo,
     commutator: Commutator,
-    /// A hall code that the last tick saw and left to the edge interrupt, which has not run since.
+    /// The hall code of the last edge interrupt or, if that was before it, of the last tick: unsettled.
     pending_code: Option<u8>,
     /// HALLH: three bits per code, the newest in the lowest.
     hall_history: u32,
@@ -230,7 +230,7 @@ impl<B: Board> Tater<B> {
     /// The caller sets the bridge.
     #[inline(never)]
     fn halls_changed(&mut self, code: u8, now: Micros) {
-        self.pending_code = None;
+        self.pending_code = Some(code);
         if u32::from(code) != self.hall_history & 7 {
             self.standstill_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
@@ -245,16 +245,14 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Leaves an unsettled hall code to the edge interrupt, whose filter may not have passed it yet, unless the last tick saw
-    /// the same code. A different code at each tick is a spike in step with the tick.
+    /// Leaves an unsettled hall code to the edge interrupt, whose filter may not have passed it yet, unless that interrupt or the tick just
+    /// before this one saw the same code. A different code at each tick is a spike in step with the tick.
     #[inline(never)]
     fn resolve_halls(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
         if self.commutator.is_settled(code) {
             self.pending_code = None;
-        } else if !self.commutator.has_seen(code) && self.pending_code != Some(code) {
-            self.pending_code = Some(code);
-        } else {
+        } else if self.pending_code.replace(code) == Some(code) {
             self.halls_changed(code, now);
         }
     }

@@ -113,13 +113,6 @@ impl Commutator {
         self.halls.is_settled(code)
     }
 
-    /// Whether this is the code that the lines last showed.
-    #[inline]
-    #[must_use]
-    pub const fn has_seen(&self, code: u8) -> bool {
-        self.halls.has_seen(code)
-    }
-
     /// One sample of the lines: at each of their changes, and at each control tick before the servo's.
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let event = self.halls.sample(code, at);

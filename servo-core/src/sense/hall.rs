@@ -229,13 +229,6 @@ impl HallDecoder {
         self.quiet && code & 7 == self.code
     }
 
-    /// Whether this is the code that the lines last showed.
-    #[inline]
-    #[must_use]
-    pub const fn has_seen(&self, code: u8) -> bool {
-        code & 7 == self.code
-    }
-
     #[inline(never)]
     fn judge(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let changed = code ^ self.code;

@@ -92,9 +92,7 @@ fn bridge_is_off_without_a_sector() {
     assert_eq!(c.bridge(), Bridge::Off);
     assert_eq!(bridge(Some(6), Some(Duty::ZERO)), Bridge::Off);
     let code = Wiring::STANDARD.code(2);
-    assert!(c.has_seen(7) && c.has_seen(15) && !c.has_seen(code), "three lines");
     assert_eq!(c.sample(code, Micros(0)), None);
-    assert!(!c.has_seen(7) && c.has_seen(code));
     assert!((1..9).any(|ms| {
         _ = c.sample(code, Micros(ms * 1000));
         c.is_settled(code)

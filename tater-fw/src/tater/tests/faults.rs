@@ -9,7 +9,7 @@ use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::Bridge;
-use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
+use servo_core::units::{Counts, DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{Body, Destination, FaultCode, Group, Node, Property, fault};
 
 /// HOSTMS of a board on which nothing has been set.
@@ -108,6 +108,23 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
         | FaultCode::Clock => return false,
     }
     true
+}
+
+/// A spike flips each line in turn. The edge interrupt may have read one of them, which shows code 0.
+#[test]
+fn spike_at_each_tick_is_no_fault_and_no_count() {
+    let mut bench = Bench::new(4);
+    bench.tick();
+    let code = bench.board().halls;
+    bench.board().halls = 0;
+    let now = bench.now();
+    bench.tater.hall(now);
+    for tick in 0..30 {
+        bench.board().halls = code ^ [1, 4, 2][tick % 3];
+        bench.tick();
+    }
+    assert_eq!(bench.get(Property::ERROR), Some(0));
+    assert_eq!(bench.tater.status().position, Counts::ZERO);
 }
 
 #[test]
