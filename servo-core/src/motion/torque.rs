@@ -11,7 +11,7 @@ const MIN_DAMPING: Law = Law::lit("0.773621");
 /// Share of the EMF that is compensated at T = 0, 66 % in 2^-16: every motor has 70 %, and the velocity may be read 5 % too high.
 const SURE_EMF: i32 = 43_254;
 
-/// Damping to add to a law that damps by `damping` torque units per count/s to reach [`MIN_DAMPING`] of the EMF `emf` in the same unit; 0 if
+/// Damping to add to a law that damps by `damping` torque units per count/s to reach `MIN_DAMPING` of the EMF `emf` in the same unit; 0 if
 /// it damps enough.
 #[must_use]
 pub fn missing(damping: Law, emf: Law) -> Law {
