@@ -12,6 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::output::{COMMIT, print, quoted};
 use super::sweep_folder::{Header, Shard, Table, Tally, failed, free_bytes, merge as merge_folders};
 use super::sweep_report;
+use hil_experiment::motor_file::MotorFile;
 use hil_experiment::scenario::{SHIPPED, Scenario};
 use hil_tuning::sweep::{Flow, Sweep, execute};
 use programs::interrupt;
@@ -32,6 +33,9 @@ type Clock<'a> = &'a dyn Fn() -> Duration;
 pub struct SweepArgs {
     /// What to vary, in which scenarios (docs/sweep.md).
     sweep: PathBuf,
+    /// A motor that a file describes, in the place of each scenario's (docs/motor.md).
+    #[arg(long, value_name = "FILE")]
+    motor: Option<PathBuf>,
     /// A new folder for results.csv, results.parquet, sweep.json and report.html.
     #[arg(long, value_name = "DIR", required_unless_present_any = ["dry_run", "row"])]
     out: Option<PathBuf>,
@@ -87,7 +91,8 @@ impl FromStr for Shard {
 /// # Errors
 /// A bad sweep or folder, or a full disk.
 pub fn sweep(args: &SweepArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
-    let sweep = read(&args.sweep)?;
+    let motor = args.motor.as_deref().map(MotorFile::read).transpose()?;
+    let sweep = read(&args.sweep, motor)?;
     let shard = args.shard.unwrap_or(Shard::WHOLE);
     let header = Header::new(&sweep, shard);
     let runs = header.range().end - header.range().start;
@@ -101,7 +106,7 @@ pub fn sweep(args: &SweepArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
             ));
         }
         let found = |name: &str| quoted(&found_at(&args.sweep, name));
-        let line = sweep.line(&sweep.run(row), &found);
+        let line = sweep.line(&sweep.run(row), &found, &quoted);
         print(&if args.json {
             format!("{}\n", serde_json::json!({ "row": row, "line": line, "commit": COMMIT }))
         } else {
@@ -219,7 +224,7 @@ fn bytes_text(bytes: u128) -> String {
     }
 }
 
-fn read(path: &Path) -> Result<Sweep, BadInput> {
+fn read(path: &Path, motor: Option<MotorFile>) -> Result<Sweep, BadInput> {
     let bad = |problem: &str, found: String| {
         BadInput::new(path.display().to_string(), problem)
             .found(found)
@@ -233,7 +238,7 @@ fn read(path: &Path) -> Result<Sweep, BadInput> {
     let bytes = fs::read(path).map_err(|e| bad("cannot be read", e.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|e| bad("is no text", e.to_string()))?;
     let name = path.display().to_string();
-    Sweep::parse(&name, &text, &mut |scenario| Scenario::text(&found_at(path, scenario)))
+    Sweep::parse(&name, &text, motor, &mut |scenario| Scenario::text(&found_at(path, scenario)))
 }
 
 /// A scenario as `hil-sim run` finds it: shipped, or a file beside the sweep's, or any other.
@@ -248,6 +253,9 @@ fn found_at(sweep: &Path, name: &str) -> String {
 /// The line of this sweep.
 fn line(args: &SweepArgs, resumes: bool) -> String {
     let mut line = format!("hil-sim sweep {}", quoted(&args.sweep.display().to_string()));
+    if let Some(motor) = &args.motor {
+        line.push_str(&format!(" --motor {}", quoted(&motor.display().to_string())));
+    }
     if let Some(out) = &args.out {
         line.push_str(&format!(" --out {}", quoted(&out.display().to_string())));
     }

@@ -51,10 +51,13 @@ pub struct Header {
     pub version: String,
     pub file: String,
     pub scenarios: Vec<Text>,
+    /// Path and text of the motor's file, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motor: Option<Text>,
     pub columns: Vec<ResultColumn>,
 }
 
-/// A scenario of a sweep.
+/// A scenario or a motor of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Text {
     pub name: String,
@@ -72,6 +75,7 @@ impl Header {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             file: sweep.text().to_owned(),
             scenarios: scenarios.map(|(name, text)| Text { name: name.into(), text: text.into() }).collect(),
+            motor: sweep.motor().map(|file| Text { name: file.path().into(), text: file.text().into() }),
             columns: sweep.columns(),
         }
     }
@@ -131,7 +135,9 @@ impl Header {
             ("file", self.file.clone()),
         ];
         let scenarios = self.scenarios.iter().map(|of| (format!("scenario {}", of.name), of.text.clone()));
-        let metadata = facts.into_iter().map(|(key, value)| (key.to_owned(), value)).chain(scenarios);
+        let motor = self.motor.iter().map(|of| (format!("motor {}", of.name), of.text.clone()));
+        let metadata =
+            facts.into_iter().map(|(key, value)| (key.to_owned(), value)).chain(scenarios).chain(motor);
         Heading { columns: columns.collect(), metadata: metadata.collect() }
     }
 

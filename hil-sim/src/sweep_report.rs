@@ -5,6 +5,7 @@ use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 use super::sweep_folder::{CSV, Header, failed};
+use hil_experiment::motor_file::MotorFile;
 use hil_tuning::sweep::{Report, Sweep, fields};
 use programs::files;
 use traces::input::BadInput;
@@ -15,7 +16,8 @@ pub const PAGE: &str = "report.html";
 /// Writes the page of a whole sweep, whose table is in the folder.
 pub fn write(folder: &Path, header: &Header) -> Result<(), BadInput> {
     let (csv, page) = (folder.join(CSV), folder.join(PAGE));
-    let sweep = Sweep::parse("sweep.toml", &header.file, &mut |name| {
+    let motor = header.motor.as_ref().map(|motor| MotorFile::parse(&motor.name, &motor.text)).transpose()?;
+    let sweep = Sweep::parse("sweep.toml", &header.file, motor, &mut |name| {
         let own = header.scenarios.iter().find(|scenario| scenario.name == name);
         let text = own.map(|scenario| (scenario.name.clone(), scenario.text.clone()));
         text.ok_or_else(|| failed(&csv, &io::Error::other(format!("sweep.json lacks the scenario {name}"))))

@@ -210,6 +210,41 @@ fn table_has_every_metric_with_its_unit_and_a_row_runs_alone() {
     }
 }
 
+/// Its description is part of the sweep: a change of the file is another sweep, and a row alone runs with it.
+#[test]
+fn described_motor_takes_the_place_of_the_scenarios() {
+    let folder = folder("sweep-motor");
+    let shipped = format!("{}/../tests/motors/ec-45-flat.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(shipped).expect("a file");
+    std::fs::write(folder.join("motor.toml"), &text).expect("ours");
+    let motor = path(&folder, "motor.toml");
+    sweep(&folder, "out", &["--motor", &motor]);
+    let csv = String::from_utf8(bytes(&folder, "out")[0].clone()).expect("text");
+    let mut rows = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let (head, row) = (rows.next().expect("a head"), rows.nth(7).expect("row 7"));
+    let file = path(&folder, "sweep.toml");
+    let line = ok(&["sweep", &file, "--motor", &motor, "--row", "7"]);
+    assert!(line.contains(&format!(" --motor {motor} ")), "{line}");
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let json: serde_json::Value =
+        serde_json::from_str(&ok(&[&words[1..], &["--json"]].concat())).expect("JSON");
+    let mut compared = 0;
+    for metric in hil_experiment::metrics::METRICS.iter().filter(|metric| !metric.is_word()) {
+        let at = head.iter().position(|column| *column == metric.name).expect("a column");
+        assert_eq!(row[at].parse().ok(), json[metric.name].as_f64(), "{}", metric.name);
+        compared += u32::from(!row[at].is_empty());
+    }
+    assert!(compared > 10, "{compared} metrics");
+    let digest = |more: &[&str]| {
+        let json = ok(&[&["sweep", &file, "--dry-run", "--json"], more].concat());
+        serde_json::from_str::<serde_json::Value>(&json).expect("JSON")["sweep"].clone()
+    };
+    let before = digest(&["--motor", &motor]);
+    std::fs::write(&motor, format!("{text}# changed\n")).expect("ours");
+    assert!(before != digest(&["--motor", &motor]) && before != digest(&[]));
+    assert!(bad(&["sweep", &file, "--motor", &file, "--dry-run"]).contains("sweep.toml"));
+}
+
 #[test]
 fn bad_arguments_are_refused_and_keep_what_is_there() {
     let folder = folder("sweep-bad");

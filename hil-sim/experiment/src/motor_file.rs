@@ -127,6 +127,7 @@ pub struct JointTable {
 pub struct MotorFile {
     name: String,
     path: String,
+    text: String,
     motor: Motor,
     table: MotorTable,
     joint: JointTable,
@@ -196,7 +197,8 @@ impl MotorFile {
         let stem = Path::new(file)
             .file_stem()
             .map_or_else(|| file.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        Ok(Self { name: table.name.clone().unwrap_or(stem), path: file.to_owned(), motor, table, joint })
+        let name = table.name.clone().unwrap_or(stem);
+        Ok(Self { name, path: file.to_owned(), text: text.to_owned(), motor, table, joint })
     }
 
     /// Its name.
@@ -209,6 +211,12 @@ impl MotorFile {
     #[must_use]
     pub fn path(&self) -> &str {
         &self.path
+    }
+
+    /// The file's text.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
     }
 
     /// The description that the board gets.

@@ -18,6 +18,7 @@ pub use report::Report;
 pub use table::{ResultColumn, fields, head};
 
 use draw::Stream;
+use hil_experiment::motor_file::MotorFile;
 use hil_experiment::report::model_name;
 use hil_experiment::run::{Options, Outcome, run};
 use hil_experiment::scenario::Scenario;
@@ -31,6 +32,8 @@ pub type Load<'a> = &'a mut dyn FnMut(&str) -> Result<(String, String), BadInput
 #[derive(Clone, Debug)]
 pub struct Sweep {
     text: String,
+    /// In the place of each scenario's motor.
+    motor: Option<MotorFile>,
     entries: Vec<Entry>,
     model: Model,
     seed: u64,
@@ -149,16 +152,23 @@ impl Sweep {
         &self.text
     }
 
+    /// The motor in the place of each scenario's, if it is another.
+    #[must_use]
+    pub const fn motor(&self) -> Option<&MotorFile> {
+        self.motor.as_ref()
+    }
+
     /// Name and text of each scenario.
     pub fn scenarios(&self) -> impl Iterator<Item = (&str, &str)> {
         self.entries.iter().map(|entry| (entry.name.as_str(), entry.text.as_str()))
     }
 
-    /// Tells it from other sweeps: hexadecimal, of the texts of the file and of its scenarios.
+    /// Tells it from other sweeps: hexadecimal, of the texts of the file, of its scenarios and of the motor.
     #[must_use]
     pub fn digest(&self) -> String {
         let texts = self.scenarios().flat_map(|(name, text)| [name.as_bytes(), text.as_bytes()]);
-        format!("{:016x}", digest(std::iter::once(self.text.as_bytes()).chain(texts)))
+        let motor = self.motor.iter().flat_map(|file| [file.path().as_bytes(), file.text().as_bytes()]);
+        format!("{:016x}", digest(std::iter::once(self.text.as_bytes()).chain(texts).chain(motor)))
     }
 
     fn grid(&self) -> Option<u64> {
@@ -224,10 +234,13 @@ impl Sweep {
         })
     }
 
-    /// The line that runs it alone; `name` is how its scenario is found from there.
+    /// The line that runs it alone; `name` is how its scenario is found from there, `quoted` a path as an argument.
     #[must_use]
-    pub fn line(&self, of: &Run, name: &dyn Fn(&str) -> String) -> String {
+    pub fn line(&self, of: &Run, name: &dyn Fn(&str) -> String, quoted: &dyn Fn(&str) -> String) -> String {
         let mut line = format!("hil-sim run {}", name(&self.entries[of.entry].name));
+        if let Some(motor) = &self.motor {
+            line.push_str(&format!(" --motor {}", quoted(motor.path())));
+        }
         for (axis, value) in self.axes.iter().zip(&of.values) {
             line.push_str(&format!(" --{} {}", axis.option, axis.assignment(*value)));
         }

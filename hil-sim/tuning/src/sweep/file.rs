@@ -7,6 +7,7 @@ use toml::{Spanned, Value};
 
 use super::draw::Stream;
 use super::{Axis, Entry, Load, Places, Sweep};
+use hil_experiment::motor_file::MotorFile;
 use hil_experiment::properties;
 use hil_experiment::scenario::{FIGURES, Figure, Scenario};
 use hil_experiment::toml_text::Source;
@@ -70,12 +71,12 @@ impl Sweep {
     ///
     /// # Errors
     /// An invalid key or value, with its line, an unknown parameter, a value out of range, an empty set, a bad scenario.
-    pub fn parse(file: &str, text: &str, load: Load<'_>) -> Result<Self, BadInput> {
-        parse(Source { file, text }, load)
+    pub fn parse(file: &str, text: &str, motor: Option<MotorFile>, load: Load<'_>) -> Result<Self, BadInput> {
+        parse(Source { file, text }, motor, load)
     }
 }
 
-fn parse(source: Source<'_>, load: Load<'_>) -> Result<Sweep, BadInput> {
+fn parse(source: Source<'_>, motor: Option<MotorFile>, load: Load<'_>) -> Result<Sweep, BadInput> {
     let file: File = toml::from_str(source.text).map_err(|e| {
         let error = source.reader_error(&e);
         BadInput { expected: error.expected.replace("of a scenario", "of a sweep (docs/sweep.md)"), ..error }
@@ -89,7 +90,8 @@ fn parse(source: Source<'_>, load: Load<'_>) -> Result<Sweep, BadInput> {
     let seed = count(&file.seed, "seed", 0)?;
     let mut sweep = Sweep {
         text: source.text.to_owned(),
-        entries: entries(source, &file.scenario, load)?,
+        entries: entries(source, &file.scenario, motor.as_ref(), load)?,
+        motor,
         model: model(source, file.model.as_ref())?,
         seed,
         repeats: count(&file.repeats, "repeats", 1)?,
@@ -106,12 +108,8 @@ fn parse(source: Source<'_>, load: Load<'_>) -> Result<Sweep, BadInput> {
             let axis = axis(source, (kind, option), name, value, seed)?;
             if let Some(same) = sweep.axes.iter().find(|known| known.is_same(&axis)) {
                 let problem = format!("{} is varied twice", same.column());
-                return Err(source.error(
-                    name.span(),
-                    problem,
-                    "each parameter once",
-                    "remove one of the two",
-                ));
+                let next = "remove one of the two";
+                return Err(source.error(name.span(), problem, "each parameter once", next));
             }
             sweep.axes.push(axis);
             spans.push(name.span());
@@ -156,7 +154,12 @@ fn model(source: Source<'_>, model: Option<&Spanned<String>>) -> Result<Model, B
     }
 }
 
-fn entries(source: Source<'_>, names: &Spanned<Value>, load: Load<'_>) -> Result<Vec<Entry>, BadInput> {
+fn entries(
+    source: Source<'_>,
+    names: &Spanned<Value>,
+    motor: Option<&MotorFile>,
+    load: Load<'_>,
+) -> Result<Vec<Entry>, BadInput> {
     let fail = |problem: &str| {
         let expected = "the name of a shipped scenario, a file, or a list of them";
         Err(source.error(names.span(), problem, expected, "`hil-sim list` names those that are shipped"))
@@ -179,7 +182,10 @@ fn entries(source: Source<'_>, names: &Spanned<Value>, load: Load<'_>) -> Result
                 source.error(names.span(), bad.problem.clone(), bad.expected.clone(), bad.next.clone());
             BadInput { found: format!("{}: {}", bad.place, bad.found), ..error }
         })?;
-        let scenario = Scenario::parse(&file, &text)?;
+        let mut scenario = Scenario::parse(&file, &text)?;
+        if let Some(motor) = motor {
+            scenario.take_motor(motor)?;
+        }
         entries.push(Entry { name: name.to_owned(), text, scenario });
     }
     Ok(entries)

@@ -144,7 +144,7 @@ impl Report {
     /// The page. `commit` is that of the runs.
     #[must_use]
     pub fn html(&self, sweep: &Sweep, commit: &str) -> String {
-        let line = |run: u64| sweep.line(&sweep.run(run), &str::to_owned);
+        let line = |run: u64| sweep.line(&sweep.run(run), &str::to_owned, &str::to_owned);
         let runs: u64 = self.parts.iter().map(|part| part.runs).sum();
         let errors: usize = self.parts.iter().map(|part| part.errors.len()).sum();
         let failures: u64 = self.parts.iter().map(|part| part.failures).sum();

@@ -1,7 +1,7 @@
 use super::*;
 
 fn parse(text: &str) -> Result<Sweep, BadInput> {
-    Sweep::parse("x.toml", text, &mut |name| Scenario::text(name))
+    Sweep::parse("x.toml", text, None, &mut |name| Scenario::text(name))
 }
 
 const ALL: &str = r#"
@@ -108,7 +108,7 @@ fn sink_that_stops_gets_no_more_lines() {
 fn line_of_a_run_reproduces_its_parameters() {
     let sweep = parse(ALL).expect("valid");
     let run = sweep.run(41);
-    let line = sweep.line(&run, &str::to_owned);
+    let line = sweep.line(&run, &str::to_owned, &str::to_owned);
     assert!(
         line.starts_with("hil-sim run spread-full-travel --set KP=140 --supply volts=22 --plant j_kg_m2=")
     );
