@@ -1,9 +1,9 @@
 //! Unknown motors: the move of `excite` over the bus, and what `identify` makes of it, against the plants' parameters.
 
 use crate::effort::seeds;
-use commission::excite::{Link, csv, duty, excite};
+use commission::excite::{Link, Scale as HostScale, csv, excite};
 use hil_sim::simulated::Simulated;
-use hil_tuning::identify::{Estimate, Recording, WORKING_SPEED, identify};
+use hil_tuning::identify::{Estimate, Known, Recording, WORKING_SPEED, identify};
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
 use hil_world::plant::Model;
@@ -54,7 +54,7 @@ fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
     let recorded = excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("plant {seed}: {e:?}"));
     let recording =
         Recording::of_csv("excite", csv(&recorded), Some(kind)).unwrap_or_else(|e| panic!("{seed}: {e}"));
-    let found = identify(&recording);
+    let found = identify(&recording, &Known::hands());
     [
         (found.r_ohm, plant.r_ohm),
         (found.ke_v_s, plant.ke_v_s),
@@ -127,8 +127,18 @@ const ROUNDED_BITS: f64 = 4.0;
 /// What excite says of a duty that no property tells is what the board applies.
 #[test]
 fn duty_law_of_the_host_is_the_boards() {
+    // The hand's motor, and one of another voltage and time constant.
+    let motor = Motor { mr: 942, mpk: 10_200, mte: 480, ..Motor::HAND };
+    for motor in [Motor::HAND, motor] {
+        assert_eq!(motor.check(&BoardFigures::TATER), Ok(()));
+        same_duty(&motor);
+    }
+}
+
+fn same_duty(motor: &Motor) {
     let full = Torque(990);
-    let scale = Scale::new(&Motor::HAND, &BoardFigures::TATER);
+    let scale = Scale::new(motor, &BoardFigures::TATER);
+    let host_scale = HostScale::new(motor.mr.into(), motor.mpk.into(), motor.mte.into());
     for bus_mv in (8_000..=30_000).step_by(500) {
         for (emf, torque) in (-600..=600).step_by(40).flat_map(|emf| (-990..=990).map(move |of| (emf, of))) {
             let bus = MilliVolts(bus_mv);
@@ -137,7 +147,7 @@ fn duty_law_of_the_host_is_the_boards() {
             let bits = f64::from(board.duty.0.to_bits());
             let host = [-ROUNDED_TORQUE, ROUNDED_TORQUE].map(|more| {
                 let torque = f64::from(board.torque.0) + more;
-                32_768.0 * duty(board.volts.into(), torque, f64::from(bus_mv) / 1000.0)
+                32_768.0 * host_scale.duty(board.volts.into(), torque, f64::from(bus_mv) / 1000.0)
             });
             assert!(
                 host[0] - ROUNDED_BITS <= bits && bits <= host[1] + ROUNDED_BITS,

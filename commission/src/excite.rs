@@ -11,7 +11,6 @@ use rand_pcg::Pcg64Mcg;
 use tater_wire::{Destination, Frame, Message, MotorKind, Node, Property};
 
 use traces::input::BadInput;
-use traces::names::UNIT_V;
 
 /// What carries frames to a board, and the time.
 pub trait Link {
@@ -224,6 +223,7 @@ struct Host<'a> {
     position: i64,
     /// When the torque was ordered, ms from the start.
     ordered_ms: f64,
+    scale: Scale,
 }
 
 /// Runs the move on a board and returns what it told.
@@ -248,6 +248,7 @@ pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -
         dither: Pcg64Mcg::new(0xd17),
         position: 0,
         ordered_ms: 0.0,
+        scale: Scale::HANDS,
     };
     let done = host.whole(progress);
     // Idle first; then what was changed, also after a failure.
@@ -388,6 +389,7 @@ impl Host<'_> {
             3 => MotorKind::Tip,
             _ => MotorKind::Link,
         };
+        self.scale = Scale::new(self.get(Property::MR)?, self.get(Property::MPK)?, self.get(Property::MTE)?);
         let (open, close) = (self.get(Property::OT)?, self.get(Property::CT)?);
         self.range = (open.min(close), open.max(close));
         if self.range.1 - self.range.0 < 100 {
@@ -538,17 +540,18 @@ impl Host<'_> {
         if self.mode != 2 {
             return None;
         }
+        let scale = self.scale;
         let recent = &self.rows[self.rows.len().saturating_sub(30)..];
         let rests = recent.len() == 30 && recent.iter().all(|row| row.halls == recent[0].halls);
         if rests && torque == self.ordered && torque != 0 && now_ms - self.ordered_ms > REST_AFTER_MS {
-            return Some(duty(torque as f64, torque as f64, bus_v));
+            return Some(scale.duty(torque as f64, torque as f64, bus_v));
         }
         let sign = self.ordered.signum() as f64;
         let is_limited =
             self.ordered.abs() == FULL && (self.ordered - torque).abs() > 40 && self.speed * sign > 150.0;
         // The supply's guard has then raised the torque in full.
         let is_full = is_limited && now_ms - self.ordered_ms > FULL_AFTER_MS;
-        is_full.then(|| duty(sign * (bus_v * 990.0 / 24.0 - 0.5), torque as f64, bus_v))
+        is_full.then(|| scale.duty(sign * (scale.full(bus_v) - 0.5), torque as f64, bus_v))
     }
 
     fn record_for(&mut self, ms: f64) -> Result<(), Failure> {
@@ -702,18 +705,46 @@ impl Host<'_> {
     }
 }
 
-/// The board's duty for a voltage and a torque, in torque units, at a bus of `bus_v`: with what its dead time takes, within the limit.
-///
-/// The law is that of `servo-core/src/guard/limits.rs`, which no host imports; `tests/identify.rs` holds both together.
-#[must_use]
-pub fn duty(volts: f64, torque: f64, bus_v: f64) -> f64 {
-    let bare = volts * UNIT_V / bus_v;
-    let ripple = 0.075 * volts.abs() * (1.0 - bare.abs());
-    let share = ((torque.abs() - ripple) * 83.0 / 256.0 + 0.5).clamp(0.0, 1.0);
-    let dead = share * 0.01 * (1.0 + 1.6 / bus_v);
-    // f64's signum of 0 is 1.
-    let sign = if torque == 0.0 { 0.0 } else { torque.signum() };
-    (bare + dead * sign).clamp(-MOST_DUTY, MOST_DUTY)
+/// What a board's duty depends on, of its motor.
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    /// Volts of a torque unit.
+    unit_v: f64,
+    /// Ripple of the current, torque units, over |U|·(1 − |duty|).
+    ripple: f64,
+}
+
+impl Scale {
+    /// The hand's motor.
+    const HANDS: Self = Self::new(2405, 9980, 333);
+
+    /// Of the properties MR, MPK and MTE.
+    #[must_use]
+    pub const fn new(mr: i64, mpk: i64, mte: i64) -> Self {
+        // The board rounds R·MPK, in µV, to 10 mV. Half a period of its PWM is 25 µs.
+        let full_v = ((mr * mpk + 5000) / 10_000) as f64 / 100.0;
+        let ripple = 25.0 / if mte > 25 { mte as f64 } else { 25.0 };
+        Self { unit_v: full_v / 1024.0, ripple }
+    }
+
+    /// Torque units at the limit of the duty without EMF, at a bus of `bus_v`.
+    fn full(self, bus_v: f64) -> f64 {
+        MOST_DUTY * bus_v / self.unit_v
+    }
+
+    /// The board's duty for a voltage and a torque, in torque units, at a bus of `bus_v`: with what its dead time takes, within the limit.
+    ///
+    /// The law is that of `servo-core/src/guard/limits.rs`, which no host imports; `tests/identify.rs` holds both together.
+    #[must_use]
+    pub fn duty(self, volts: f64, torque: f64, bus_v: f64) -> f64 {
+        let bare = volts * self.unit_v / bus_v;
+        let ripple = self.ripple * volts.abs() * (1.0 - bare.abs());
+        let share = ((torque.abs() - ripple) * 83.0 / 256.0 + 0.5).clamp(0.0, 1.0);
+        let dead = share * 0.01 * (1.0 + 1.6 / bus_v);
+        // f64's signum of 0 is 1.
+        let sign = if torque == 0.0 { 0.0 } else { torque.signum() };
+        (bare + dead * sign).clamp(-MOST_DUTY, MOST_DUTY)
+    }
 }
 
 /// A board's answer; one that is damaged is none, so that the question is repeated.

@@ -3,24 +3,23 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-use serde_json::{Map, Value, json};
-use tater_wire::MotorKind;
-
+use super::figures::MotorArg;
 use super::open;
 use super::output::{print, write_folder};
 use charts::{Chart, Series, Sheet, escape};
-use hil_tuning::identify::{Estimate, Identified, Recording, identify as fit};
+use hil_tuning::identify::{Estimate, Identified, Known, Recording, identify as fit};
 use programs::output::warn;
+use serde_json::{Map, Value, json};
 use traces::input::BadInput;
 
 #[derive(clap::Args)]
 pub struct IdentifyArgs {
     /// A recorded move: the folder of `hil-sim run --out`, or a file of `hil-sim excite` or `hil-sim log` (.csv, .mcap, .parquet).
     trace: PathBuf,
-    /// The motor: of a trace with several the one to take; a link or a tip coasts without power, which is then used.
-    #[arg(long, value_enum)]
-    motor: Option<MotorName>,
+    /// The motor: link, spread or tip, of a trace with several the one to take, which coasts without power if it is no spread; or a file that
+    /// describes another in the place of a link (docs/motor.md).
+    #[arg(long, value_name = "MOTOR")]
+    motor: Option<MotorArg>,
     /// Print one JSON object and nothing else.
     #[arg(long)]
     json: bool,
@@ -29,33 +28,14 @@ pub struct IdentifyArgs {
     out: Option<PathBuf>,
 }
 
-/// A kind of motor.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum MotorName {
-    /// A finger's inner link.
-    Link,
-    /// The spread.
-    Spread,
-    /// A finger's outer link.
-    Tip,
-}
-
-impl MotorName {
-    pub const fn kind(self) -> MotorKind {
-        match self {
-            Self::Link => MotorKind::Link,
-            Self::Spread => MotorKind::Spread,
-            Self::Tip => MotorKind::Tip,
-        }
-    }
-}
-
 /// Returns whether all figures are determined.
 pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
     let numbers = open::numbers(&args.trace)?;
     let file = numbers.place().to_owned();
-    let recording = Recording::read(&numbers, args.motor.map(MotorName::kind))?;
-    let found = fit(&recording);
+    let (kind, described) = args.motor.as_ref().map(MotorArg::read).transpose()?.unzip();
+    let recording = Recording::read(&numbers, kind)?;
+    let known = described.flatten().as_ref().map_or_else(Known::hands, Known::described);
+    let found = fit(&recording, &known);
     if let Some(dir) = &args.out {
         write_page(dir, &file, &found)?;
     }

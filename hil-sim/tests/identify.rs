@@ -41,6 +41,44 @@ fn recorded_move_gives_every_figure_and_a_page_of_residuals() {
     std::fs::remove_dir_all(dir).expect("removed");
 }
 
+/// Each motor that the repository describes, with another resistance and inertia than its file has: what is told is right.
+#[test]
+fn described_motor_is_identified_or_the_reason_told() {
+    let dir = folder("described");
+    // Which of R, Ke and J the move tells.
+    for (name, told) in [("57blf01", 3), ("ec-45-flat", 2), ("2250-s-024", 2)] {
+        let path = format!("{}/../tests/motors/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let table: toml::Table = std::fs::read_to_string(&path).expect("a file").parse().expect("TOML");
+        let figure = |table_name: &str, key: &str| {
+            table.get(table_name).and_then(|of| of.get(key)).and_then(toml::Value::as_float).unwrap_or(0.0)
+        };
+        let excite =
+            format!("excite --motor {path} --plant inertia=1.05x --plant resistance=0.95x --out t.csv");
+        let excite = sim(&excite, &dir);
+        assert!(excite.status.success(), "{name}: {excite:?}");
+        let identify = sim(&format!("identify t.csv --motor {path} --json"), &dir);
+        let object: Value = serde_json::from_slice(&identify.stdout).expect("one JSON object alone");
+        let j_kg_m2 = 1.05 * (figure("motor", "j_kg_m2") + figure("joint", "load_j_kg_m2"));
+        let truths = [
+            ("r_ohm", 0.95 * figure("motor", "r_ohm"), 0.02),
+            ("ke_v_s", figure("motor", "kt_n_m_a"), 0.01),
+            ("j_kg_m2", j_kg_m2, 0.03),
+        ];
+        for (at, (key, truth, most)) in truths.into_iter().enumerate() {
+            let error = value(&object, key) / truth - 1.0;
+            assert_eq!(object[key]["determined"], at < told, "{name} {key}: {object:#}");
+            assert!(at >= told || error.abs() < most, "{name} {key}: {error:+.4}");
+        }
+        assert_eq!(object["record"].to_string().contains("data sheet"), told == 2, "{object:#}");
+    }
+    // What it returns when it brakes raises the voltage of a supply that takes nothing back.
+    let hub = format!("{}/../tests/motors/hoverboard-hub.toml", env!("CARGO_MANIFEST_DIR"));
+    let excite = sim(&format!("excite --motor {hub} --out u.csv"), &dir);
+    assert_eq!(excite.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&excite.stderr).contains("ERROR 4"), "{excite:?}");
+    std::fs::remove_dir_all(dir).expect("removed");
+}
+
 #[test]
 fn motor_that_cannot_make_the_move_is_an_error_without_a_file() {
     let dir = folder("stuck");

@@ -10,7 +10,7 @@ use commission::apply::{Board, Change, Present, compare, meet, write};
 use commission::excite::{Link, csv, excite};
 use hil_sim::cli::execute;
 use hil_sim::simulated::Simulated;
-use hil_tuning::identify::{Estimate, Recording, identify};
+use hil_tuning::identify::{Estimate, Identified, Known, Recording, identify};
 use hil_tuning::tuned::Tuned;
 use hil_world::plant::Model;
 use hil_world::plant::{Heat, PlantParams, Start};
@@ -81,6 +81,11 @@ fn near(name: &str, found: Estimate, truth: f64, percent: f64) {
     assert!(error.abs() < percent, "{name}: {} instead of {truth}", found.value);
 }
 
+fn identified(csv: &str) -> Identified {
+    let recording = Recording::of_csv("trace.csv", csv.to_owned(), None).expect("a recording");
+    identify(&recording, &Known::hands())
+}
+
 #[test]
 fn unknown_motor_gets_gains_of_its_own_and_its_old_ones_back() {
     let Some(programs) = production() else { return };
@@ -95,7 +100,7 @@ fn unknown_motor_gets_gains_of_its_own_and_its_old_ones_back() {
     wait(&mut bus, 100);
 
     let recorded = excite(&mut bus, id(NODE), &mut |_| {}).unwrap_or_else(|e| panic!("{e:?}"));
-    let found = identify(&Recording::of_csv("trace.csv", csv(&recorded), None).expect("a recording"));
+    let found = identified(&csv(&recorded));
     near("Ke", found.ke_v_s, plant.ke_v_s, 3.0);
     near("R", found.r_ohm, plant.r_ohm, 5.0);
     near("inertia", found.j_kg_m2, plant.j_kg_m2, 8.0);

@@ -15,12 +15,6 @@ pub const RECORDED_BY: &str = "recorded_by";
 /// How many answers of a recorded row were damaged, missing or out of range; 0: none.
 pub const UNTRUSTED: &str = "untrusted";
 
-/// A torque unit of the boards, N·m: 1024 are 65 N·cm.
-pub const UNIT_N_M: f64 = 0.65 / 1024.0;
-
-/// Volts of a torque unit: 1024 are 24 V.
-pub const UNIT_V: f64 = 24.0 / 1024.0;
-
 /// The unit that a column's name ends in; empty for codes and switches.
 #[must_use]
 pub fn unit(name: &str) -> &'static str {
@@ -206,8 +200,6 @@ mod tests {
             assert_eq!(unit(name), want, "{name}");
         }
         assert!(is_time("time_ms") && is_time("T_s") && !is_time("settling_ms"));
-        // Full scale: 65 N·cm at 24 V.
-        assert!((1024.0 * UNIT_N_M - 0.65).abs() < 1e-12 && (1024.0 * UNIT_V - 24.0).abs() < 1e-12);
     }
 
     #[test]

@@ -10,13 +10,13 @@
 use servo_core::sense::commutation::{Bridge, bridge};
 use servo_core::units::Duty;
 
+use super::known::Known;
 use super::linear::{Normal, Solution};
 use super::path::Point;
 use super::record::Row;
 use hil_world::plant::circuit::{Flow, Winding};
 use hil_world::plant::inverter::Inverter;
-use hil_world::plant::{Model, PlantParams, RAD_PER_COUNT, trapezoid};
-use traces::names::{UNIT_N_M, UNIT_V};
+use hil_world::plant::{Model, PlantParams, trapezoid};
 
 /// Steps of the circuit within an interval, s.
 const STEP_S: f64 = 100e-6;
@@ -45,6 +45,12 @@ pub struct Electric {
 }
 
 impl Electric {
+    /// The first guess.
+    pub(crate) fn first(known: &Known) -> Self {
+        let PlantParams { r_ohm, ke_v_s, l_mh, .. } = known.plant;
+        Self { r_ohm, ke_v_s, l_h: l_mh * 1e-3 }
+    }
+
     fn logs(self) -> [f64; 3] {
         [self.r_ohm.ln(), self.ke_v_s.ln(), self.l_h.ln()]
     }
@@ -74,8 +80,8 @@ pub struct Bench<'a> {
     pub points: &'a [Point],
     /// Errors of the boundaries, counts, by the sector below.
     pub placement: [f64; 6],
-    /// Dead time, diodes, copper and heat capacities are those of this plant.
-    pub nominal: &'a PlantParams,
+    /// The first guess; dead time, diodes, copper and heat capacities are its plant's.
+    pub known: &'a Known,
 }
 
 /// The winding and its state.
@@ -91,8 +97,8 @@ struct Circuit {
 
 impl Bench<'_> {
     fn circuit(&self, electric: Electric) -> Circuit {
-        let winding = Winding::new(1.0, 1e-3, 24.0, self.nominal.diode_v);
-        let dead_s = self.nominal.dead_time_us * 1e-6;
+        let winding = Winding::new(1.0, 1e-3, 24.0, self.known.plant.diode_v);
+        let dead_s = self.known.plant.dead_time_us * 1e-6;
         Circuit {
             electric,
             inverter: Inverter::new(Model::Averaged, winding, dead_s),
@@ -108,8 +114,8 @@ impl Bench<'_> {
         let (a, b) = (self.points[index], self.points[index + 1]);
         let dt = to.t_s - from.t_s;
         let Electric { r_ohm, ke_v_s, l_h } = circuit.electric;
-        let hot = 1.0 + self.nominal.r_per_k * (from.housing_c + circuit.rise_k - 25.0);
-        let winding = Winding::new(0.5 * r_ohm * hot, 0.5 * l_h, from.bus_v, self.nominal.diode_v);
+        let hot = 1.0 + self.known.plant.r_per_k * (from.housing_c + circuit.rise_k - 25.0);
+        let winding = Winding::new(0.5 * r_ohm * hot, 0.5 * l_h, from.bus_v, self.known.plant.diode_v);
         circuit.inverter.set_winding(winding);
         let bits = Duty::from_bits((duty * 32768.0).round().clamp(-32767.0, 32767.0) as i16);
         let steps = (dt / STEP_S).ceil().max(1.0);
@@ -124,7 +130,7 @@ impl Bench<'_> {
             }
             let shape = trapezoid(counts);
             let k = 0.5 * ke_v_s;
-            let emf = shape.map(|of| k * of * speed * RAD_PER_COUNT);
+            let emf = shape.map(|of| k * of * speed * self.known.plant.rad_per_count());
             let sector = cell.rem_euclid(6) as u8;
             let legs = if from.is_driven { bridge(Some(sector), Some(bits)) } else { Bridge::Off };
             circuit.inverter.set_bridge(legs);
@@ -144,10 +150,11 @@ impl Bench<'_> {
     /// The duty by decision 0005, as far as the recording tells: the board's EMF constant is its own.
     fn ordered(&self, electric: Electric, index: usize) -> f64 {
         let row = self.rows[index];
-        let units = row.torque_n_m / UNIT_N_M;
-        let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
-        let dead = 0.01 * (1.0 + 2.0 * self.nominal.diode_v / row.bus_v) * (units / 30.0).clamp(-1.0, 1.0);
-        (units * UNIT_V + emf) / row.bus_v + dead
+        let units = row.torque;
+        let emf = electric.ke_v_s * self.known.plant.rad_per_count() * self.points[index].speed;
+        let dead =
+            0.01 * (1.0 + 2.0 * self.known.plant.diode_v / row.bus_v) * (units / 30.0).clamp(-1.0, 1.0);
+        (units * self.known.unit_v + emf) / row.bus_v + dead
     }
 
     /// The interval after a row, with the duty that was recorded or else the ordered one, corrected slowly until the model draws what was
@@ -157,7 +164,7 @@ impl Bench<'_> {
         let electric = circuit.electric;
         let speed = self.points[index].speed;
         // The board compensates its EMF in another way while it brakes.
-        let kind = usize::from(row.torque_n_m * speed < 0.0);
+        let kind = usize::from(row.torque * speed < 0.0);
         let duty = match row.duty {
             Some(duty) => duty,
             None if row.is_driven => {
@@ -166,7 +173,7 @@ impl Bench<'_> {
             None => 0.0,
         };
         let (bus_a, mut torque, heat) = self.advance(circuit, index, duty);
-        let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
+        let emf = electric.ke_v_s * self.known.plant.rad_per_count() * self.points[index].speed;
         let mut trust = 1.0;
         if row.duty.is_none() && row.is_driven {
             let slope = (2.0 * duty * row.bus_v - emf) / electric.r_ohm;
@@ -176,13 +183,14 @@ impl Bench<'_> {
                 circuit.offsets[kind] += FOLLOW * change * speed / (speed * speed + 1e4);
             }
         } else {
-            let e_v = electric.ke_v_s * RAD_PER_COUNT * self.points[index].sigma + 0.01 * row.bus_v;
+            let e_v = electric.ke_v_s * self.known.plant.rad_per_count() * self.points[index].sigma
+                + 0.01 * row.bus_v;
             let e_a = duty.abs() * e_v / electric.r_ohm;
             trust = e_a * e_a / (e_a * e_a + ADC_A * ADC_A);
         }
         let dt = self.rows[index + 1].t_s - row.t_s;
-        circuit.rise_k +=
-            (heat - circuit.rise_k / self.nominal.winding_housing_k_w * dt) / self.nominal.winding_j_k;
+        circuit.rise_k += (heat - circuit.rise_k / self.known.plant.winding_housing_k_w * dt)
+            / self.known.plant.winding_j_k;
         // The measured current corrects that of a velocity which is a little wrong.
         if row.is_driven && duty.abs() > LEAST_DUTY {
             torque += trust * electric.ke_v_s * (measured - bus_a) / duty;
@@ -201,7 +209,8 @@ impl Bench<'_> {
         let row = self.rows[index];
         let duty = row.duty.filter(|duty| row.is_driven && duty.abs() > LEAST_DUTY)?;
         let measured = self.rows[index + 1].bus_a;
-        let speed_a = duty * electric.ke_v_s * RAD_PER_COUNT * self.points[index].sigma / electric.r_ohm;
+        let speed_a = duty * electric.ke_v_s * self.known.plant.rad_per_count() * self.points[index].sigma
+            / electric.r_ohm;
         let model_a = 0.01 * measured;
         Some(1.0 / (ADC_A * ADC_A + speed_a * speed_a + model_a * model_a))
     }
@@ -240,9 +249,9 @@ impl Bench<'_> {
             let logs = electric.logs();
             // Weak beliefs, so that what a move does not show stays a motor: a factor of three of the first guess; L as the data sheet has it, ± 10 %.
             for (index, (centre, sigma)) in
-                [(2.4_f64, 1.0), (0.065, 1.0), (0.8e-3, 0.1)].into_iter().enumerate()
+                Electric::first(self.known).logs().into_iter().zip([1.0, 1.0, 0.1]).enumerate()
             {
-                normal.prior(index, centre.ln() - logs[index], sigma);
+                normal.prior(index, centre - logs[index], sigma);
             }
             let step = normal.solve()?;
             let next = [0, 1, 2].map(|index| logs[index] + step.x[index].clamp(-0.3, 0.3));

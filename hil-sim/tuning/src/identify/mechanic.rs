@@ -12,7 +12,7 @@ use super::electric::Drawn;
 use super::linear::{Normal, Solution};
 use super::path::{Edge, Point};
 use super::record::Row;
-use hil_world::plant::RAD_PER_COUNT;
+use hil_world::plant::PlantParams;
 
 /// Least speed, counts/s: below, friction falls with speed (Stribeck), which this model lacks.
 pub(crate) const LEAST_SPEED: f64 = 90.0;
@@ -36,9 +36,34 @@ const BOUNDARY_COUNTS: f64 = 0.02;
 /// Mean square of the residuals of a stretch, over their variance, up to which it is believed in full; without other errors it is 1.
 const USUAL_SQUARE: f64 = 1.5;
 
-/// 1/J, Fc/J, b/J and the delay of a motor, and the standard deviations of these weak beliefs: half a row for the delay.
-pub(crate) const BELIEFS: [f64; 4] = [5e4, 1.5e3, 0.5, 0.0];
-const SIGMAS: [f64; 4] = [1.5e5, 1e4, 5.0, 5e-4];
+/// What is believed of a motor before: weakly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beliefs {
+    /// 1/J, Fc/J, b/J and the delay.
+    pub(crate) x: [f64; 4],
+    sigmas: [f64; 4],
+    rad_per_count: f64,
+}
+
+impl Beliefs {
+    /// Of a motor whose inertia is within a factor of four of the plant's, and whose friction at full speed is below two thirds of the torque that
+    /// the supply drives at rest. The delay is half a row.
+    pub(crate) fn new(plant: &PlantParams) -> Self {
+        let per_j = 1.0 / plant.j_kg_m2;
+        let most_n_m = 0.3 * plant.ke_v_s * plant.bus_v / plant.r_ohm;
+        let no_load = plant.bus_v / plant.ke_v_s;
+        Self {
+            x: [per_j, plant.coulomb_n_m * per_j, plant.viscous_n_m_s * per_j, 0.0],
+            sigmas: [3.0 * per_j, most_n_m * per_j, 0.18 * most_n_m / no_load * per_j, 5e-4],
+            rad_per_count: plant.rad_per_count(),
+        }
+    }
+
+    /// Whether an inverse inertia is within a factor of five and ten of the plant's.
+    pub(crate) fn admits(&self, per_j: f64) -> bool {
+        (0.2..10.0).contains(&(per_j / self.x[0]))
+    }
+}
 
 /// Rounds of the weights of the stretches.
 const ROUNDS: usize = 6;
@@ -58,11 +83,6 @@ pub struct Mechanic {
 }
 
 impl Mechanic {
-    /// Whether the inertia is that of a motor: 20 to 1000 g·cm².
-    pub(crate) fn is_plausible(&self) -> bool {
-        (1e4..5e5).contains(&self.solution.x[0])
-    }
-
     /// Errors of the boundaries by the sector below, counts; their mean is 0.
     pub(crate) fn placement(&self) -> [f64; 6] {
         let x = &self.solution.x;
@@ -124,10 +144,16 @@ impl Integrals {
 }
 
 /// Fits the mechanical half; `None` if no stretch of motion is long enough.
-pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Option<Mechanic> {
+pub fn fit(
+    beliefs: &Beliefs,
+    rows: &[Row],
+    points: &[Point],
+    edges: &[Edge],
+    drawn: &[Drawn],
+) -> Option<Mechanic> {
     let mut found: Vec<Found> = Vec::new();
     for stretch in stretches(rows, points) {
-        let lines = lines(&stretch, rows, points, edges, drawn);
+        let lines = lines(&stretch, rows, points, edges, drawn, beliefs.rad_per_count);
         if lines.len() >= LEAST_EDGES {
             let is_sure =
                 rows[stretch.from..stretch.to].iter().all(|row| row.duty.is_some() || !row.is_driven);
@@ -138,7 +164,7 @@ pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> O
     let mut doubts = vec![1.0; found.len()];
     let mut solution = None;
     for _ in 0..ROUNDS {
-        let next = solve(&found, &doubts)?;
+        let next = solve(beliefs, &found, &doubts)?;
         for (doubt, Found { equations, .. }) in doubts.iter_mut().zip(&found).filter(|(_, of)| !of.is_sure) {
             let square: f64 = equations.iter().map(|of| of.1 * residual(of, &next).powi(2)).sum();
             // A stretch that fits worse than its edges can be measured has an error of its own: a torque that was not recorded in time.
@@ -169,7 +195,7 @@ fn residual(equation: &Equation, solution: &Solution) -> f64 {
 }
 
 /// Solves for the common unknowns, with the weights of each stretch divided by its doubt; `None` without stretches.
-fn solve(found: &[Found], doubts: &[f64]) -> Option<Solution> {
+fn solve(beliefs: &Beliefs, found: &[Found], doubts: &[f64]) -> Option<Solution> {
     if found.is_empty() {
         return None;
     }
@@ -178,7 +204,7 @@ fn solve(found: &[Found], doubts: &[f64]) -> Option<Solution> {
         normal.group(equations.iter().map(|(row, weight, y)| (row.clone(), weight / doubt, *y)).collect());
     }
     // For what a move does not show; placements of 15°.
-    (0..4).for_each(|index| normal.prior(index, BELIEFS[index], SIGMAS[index]));
+    (0..4).for_each(|index| normal.prior(index, beliefs.x[index], beliefs.sigmas[index]));
     (4..SIZE).for_each(|index| normal.prior(index, 0.0, 0.15));
     normal.solve()
 }
@@ -191,7 +217,14 @@ struct Line {
     y: f64,
 }
 
-fn lines(stretch: &Stretch, rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Vec<Line> {
+fn lines(
+    stretch: &Stretch,
+    rows: &[Row],
+    points: &[Point],
+    edges: &[Edge],
+    drawn: &[Drawn],
+    rad_per_count: f64,
+) -> Vec<Line> {
     let mut lines = Vec::new();
     let mut integrals = Integrals::default();
     let begin = edges.partition_point(|edge| edge.row < stretch.from);
@@ -199,7 +232,7 @@ fn lines(stretch: &Stretch, rows: &[Row], points: &[Point], edges: &[Edge], draw
     for index in stretch.from..stretch.to {
         let dt = rows[index + 1].t_s - rows[index].t_s;
         let speed = 0.5 * (points[index].speed + points[index + 1].speed);
-        let by = [drawn[index].torque_n_m / RAD_PER_COUNT, speed.signum() / RAD_PER_COUNT, speed];
+        let by = [drawn[index].torque_n_m / rad_per_count, speed.signum() / rad_per_count, speed];
         while let Some(edge) = next.next_if(|edge| edge.row == index) {
             let at = integrals.advance(edge.t_s - rows[index].t_s, by).at;
             let mut row = [0.0; SIZE];

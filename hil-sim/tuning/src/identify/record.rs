@@ -4,7 +4,7 @@ use hil_world::rig::halls::CODES;
 use tater_wire::MotorKind;
 use tater_wire::mode::ROWS;
 use traces::input::BadInput;
-use traces::names::{MOTOR, TIME, UNIT_N_M, UNTRUSTED, clock_unit};
+use traces::names::{MOTOR, TIME, UNTRUSTED, clock_unit};
 use traces::numbers::Numbers;
 
 /// What a recording must have.
@@ -16,8 +16,8 @@ const MOST_MS: f64 = 10.0;
 /// The same with positions, which tell the turns: twelve answers of a board on a slow USB adapter take 24 ms, and a busy host adds some.
 const MOST_WITH_POSITION_MS: f64 = 100.0;
 
-/// Fastest motor, counts/ms.
-const MOST_COUNTS_MS: f64 = 3.0;
+/// Fastest motor, counts/ms: no board drives a faster one (docs/motor.md).
+const MOST_COUNTS_MS: f64 = 6.0;
 
 /// Shortest recording, ms: less is no move.
 const LEAST_MS: f64 = 100.0;
@@ -53,8 +53,8 @@ pub struct Row {
     pub bus_a: f64,
     /// Signed duty from this row on, -1 to 1; `None` if the board did not report it.
     pub duty: Option<f64>,
-    /// Torque ordered or applied, N·m by the board's scale.
-    pub torque_n_m: f64,
+    /// Torque ordered or applied, 1/1024 of the board's scale.
+    pub torque: f64,
     /// Whether the bridge is on from this row on.
     pub is_driven: bool,
     /// Whether a rotor that is not driven turns freely.
@@ -215,8 +215,7 @@ impl<'a> Columns<'a> {
             bus_v: self.within(row, self.bus_v, [1.0, 60.0], "1 to 60 V")?,
             bus_a: self.within(row, self.bus_a, [-MOST_A, MOST_A], "-100 to 100 A")?,
             duty,
-            torque_n_m: self.within(row, self.torque, [-MOST_TORQUE, MOST_TORQUE], "-4096 to 4096")?
-                * UNIT_N_M,
+            torque: self.within(row, self.torque, [-MOST_TORQUE, MOST_TORQUE], "-4096 to 4096")?,
             is_driven,
             is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
             housing_c,
