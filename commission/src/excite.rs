@@ -223,7 +223,8 @@ struct Host<'a> {
     position: i64,
     /// When the torque was ordered, ms from the start.
     ordered_ms: f64,
-    scale: Scale,
+    /// `None` until the board has told its motor.
+    scale: Option<Scale>,
 }
 
 /// Runs the move on a board and returns what it told.
@@ -248,7 +249,7 @@ pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -
         dither: Pcg64Mcg::new(0xd17),
         position: 0,
         ordered_ms: 0.0,
-        scale: Scale::HANDS,
+        scale: None,
     };
     let done = host.whole(progress);
     // Idle first; then what was changed, also after a failure.
@@ -389,7 +390,8 @@ impl Host<'_> {
             3 => MotorKind::Tip,
             _ => MotorKind::Link,
         };
-        self.scale = Scale::new(self.get(Property::MR)?, self.get(Property::MPK)?, self.get(Property::MTE)?);
+        let [mr, mpk, mte] = [Property::MR, Property::MPK, Property::MTE].map(|of| self.get(of));
+        self.scale = Some(Scale::new(mr?, mpk?, mte?));
         let (open, close) = (self.get(Property::OT)?, self.get(Property::CT)?);
         self.range = (open.min(close), open.max(close));
         if self.range.1 - self.range.0 < 100 {
@@ -540,7 +542,7 @@ impl Host<'_> {
         if self.mode != 2 {
             return None;
         }
-        let scale = self.scale;
+        let scale = self.scale?;
         let recent = &self.rows[self.rows.len().saturating_sub(30)..];
         let rests = recent.len() == 30 && recent.iter().all(|row| row.halls == recent[0].halls);
         if rests && torque == self.ordered && torque != 0 && now_ms - self.ordered_ms > REST_AFTER_MS {
@@ -715,9 +717,6 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// The hand's motor.
-    const HANDS: Self = Self::new(2405, 9980, 333);
-
     /// Of the properties MR, MPK and MTE.
     #[must_use]
     pub const fn new(mr: i64, mpk: i64, mte: i64) -> Self {

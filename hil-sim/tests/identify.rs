@@ -69,6 +69,9 @@ fn described_motor_is_identified_or_the_reason_told() {
             assert_eq!(object[key]["determined"], at < told, "{name} {key}: {object:#}");
             assert!(at >= told || error.abs() < most, "{name} {key}: {error:+.4}");
         }
+        let j = &object["j_kg_m2"];
+        let bounds = ["low", "high"].map(|end| j[end].as_f64().expect("a number"));
+        assert!((bounds[0]..=bounds[1]).contains(&j_kg_m2), "{name}: {j_kg_m2} is outside {j:#}");
         assert_eq!(object["record"].to_string().contains("data sheet"), told == 2, "{object:#}");
     }
     // What it returns when it brakes raises the voltage of a supply that takes nothing back.

@@ -59,7 +59,7 @@ impl Beliefs {
         }
     }
 
-    /// Whether an inverse inertia is within a factor of five and ten of the plant's.
+    /// Whether an inertia, given as its inverse, is between a tenth of and five times the plant's.
     pub(crate) fn admits(&self, per_j: f64) -> bool {
         (0.2..10.0).contains(&(per_j / self.x[0]))
     }
