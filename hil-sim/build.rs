@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What decides the result of a run.
-const SOURCES: [&str; 15] = [
+const SOURCES: [&str; 17] = [
     "hil-sim/src",
     "hil-sim/world/src",
     "hil-sim/experiment/src",
@@ -21,6 +21,8 @@ const SOURCES: [&str; 15] = [
     "god/src",
     "kinematics/src",
     "servo-core/src",
+    "boards/tater-f103/src",
+    "boot/src",
     "tater-fw/src",
     "tater-wire/src",
 ];

@@ -13,8 +13,9 @@ use hil_world::plant::Model;
 use serde_json::Value;
 use servo_core::Motor;
 use servo_core::guard::direction::Starts;
+use tater_f103::map::{APPLICATION, MONITOR};
 use tater_wire::MotorKind;
-use tater_wire::memory::{APPLICATION, Area, MONITOR};
+use tater_wire::map::Area;
 
 use crate::fences::root;
 

@@ -3,7 +3,8 @@
 mod front_end;
 mod page;
 
-use tater_fw::bsp::{scale, timing};
+use bsp_stm32f1::timing;
+use tater_f103::scale;
 
 const CODES: std::ops::Range<u16> = 0..4096;
 

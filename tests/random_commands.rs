@@ -6,12 +6,12 @@
 
 use crate::effort::seeds;
 use crate::heat::{Bench, HANGS_US, MOST_C};
+use boot::Chip;
 use hil_world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use servo_core::mode::Mode;
-use tater_fw::Board;
 use tater_wire::property::{Access, ROWS};
 use tater_wire::{Destination, Frame, Group, Identifier, MotorKind, Node as Id, Property};
 

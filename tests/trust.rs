@@ -4,12 +4,12 @@
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
+use boot::Chip;
+use boot::storage::{Progress, Store};
 use hil_world::board::SimBoard;
 use hil_world::node::Node;
 use hil_world::plant::Model;
 use servo_core::mode::Mode;
-use tater_fw::Board;
-use tater_fw::storage::{Progress, Store};
 use tater_wire::{Destination, Message, Node as Id, Property};
 
 /// Sessions, each with its own end time and its own remains of a cut.

@@ -12,7 +12,7 @@ use hil_world::bus::Station;
 use hil_world::hand::Motorized;
 use hil_world::node::shipped_storage;
 use hil_world::rig::{Bridge, Rig};
-use tater_wire::memory::{HEAT, MONITOR, RAM, STORAGE};
+use tater_f103::map::{HEAT, MONITOR, RAM, STORAGE};
 use tater_wire::{Frame, Node};
 
 use crate::analog::FrontEnd;

@@ -21,7 +21,7 @@ pub mod wwdg;
 
 pub use peripheral::{AccessError, Peripheral, RegisterResult, Reset, Size};
 
-use tater_wire::memory::RAM;
+use tater_f103::map::RAM;
 
 use crate::time::{NEVER, Time};
 

@@ -4,7 +4,7 @@
 //! The board reports events at its pins; the core counts instructions ([`crate::cpu::counts`]).
 
 use serde::Serialize;
-use tater_wire::memory::STACK;
+use tater_f103::map::STACK;
 use tater_wire::{Body, Frame, Message, Property};
 
 use crate::cpu::counts::Counts;

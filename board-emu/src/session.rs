@@ -5,9 +5,9 @@ use hil_experiment::properties;
 use hil_experiment::run::{Options, rig};
 use hil_experiment::scenario::{Case, Initial, Scenario};
 use hil_world::plant::PlantParams;
+use tater_f103::map::APPLICATION;
 use tater_wire::MotorKind;
 use tater_wire::Node;
-use tater_wire::memory::APPLICATION;
 
 use crate::board::Board;
 use crate::image::Programs;

@@ -3,9 +3,9 @@
 
 use hil_world::rig::flash::SimFlash;
 use libfuzzer_sys::fuzz_target;
-use tater_fw::storage::{Progress, Store};
+use boot::storage::{Progress, Store};
 use tater_wire::Property;
-use tater_wire::memory::STORAGE;
+use tater_f103::map::STORAGE;
 
 fuzz_target!(|input: (u16, i16, &[u8])| {
     let (at, value, bytes) = input;

@@ -8,9 +8,9 @@ use servo_core::mode::Mode;
 use servo_core::units::Micros;
 use tater_wire::Property;
 
-use crate::board::FlashError;
 use crate::find::Trouble;
 use crate::set_error::SetError;
+use boot::FlashError;
 
 /// Entries kept; a new one drops the oldest.
 pub const CAPACITY: usize = 32;

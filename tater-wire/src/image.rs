@@ -10,7 +10,7 @@
 //! | 0x24 | CRC-32 (ISO-HDLC, that of zip and Ethernet) of the image with this word as 0xFFFFFFFF |
 //! | 0x28 | the application's VERS |
 
-use crate::memory::{APPLICATION, RAM};
+use crate::map::Map;
 
 /// "TatR", little-endian.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"TatR");
@@ -95,11 +95,15 @@ pub enum ImageError {
     Length {
         /// Bytes.
         found: u32,
+        /// Bytes of the area.
+        most: u32,
     },
     /// The initial stack pointer is not in RAM.
     Stack {
         /// The word.
         found: u32,
+        /// The end of the RAM.
+        end: u32,
     },
     /// The reset vector is not inside the image, or not odd.
     Reset {
@@ -122,15 +126,12 @@ pub enum ImageError {
 impl core::fmt::Display for ImageError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match *self {
-            Self::Length { found } => write!(
+            Self::Length { found, most } => {
+                write!(f, "the image has {found} bytes, expected {HEADER_END} to {most} and a multiple of 4")
+            }
+            Self::Stack { found, end } => write!(
                 f,
-                "the image has {found} bytes, expected {HEADER_END} to {} and a multiple of 4",
-                APPLICATION.len
-            ),
-            Self::Stack { found } => write!(
-                f,
-                "the first word, the initial stack pointer, is {found:#010x}, expected an address up to {:#010x}",
-                RAM.end()
+                "the first word, the initial stack pointer, is {found:#010x}, expected an address up to {end:#010x}"
             ),
             Self::Reset { found } => {
                 write!(f, "the reset vector is {found:#010x}, expected an odd address inside the image")
@@ -171,46 +172,51 @@ impl Summer {
 }
 
 impl Header {
-    /// The header of an image from its first [`HEADER_END`] bytes, with the vectors checked, but not the CRC.
+    /// The header of an image of a board from its first [`HEADER_END`] bytes, with the vectors checked, but not the CRC.
     ///
     /// # Errors
     /// The defect of the image.
-    pub fn read(start: &[u8]) -> Result<Self, ImageError> {
+    pub fn read(start: &[u8], map: &Map) -> Result<Self, ImageError> {
         let word = |at: u32| {
             let bytes = usize::try_from(at).ok().and_then(|at| start.get(at..)).and_then(<[u8]>::first_chunk);
-            bytes.copied().map(u32::from_le_bytes).ok_or(ImageError::Length { found: start.len() as u32 })
+            bytes.copied().map(u32::from_le_bytes).ok_or(length(start.len() as u32, map))
         };
         if word(MAGIC_AT)? != MAGIC {
             return Err(ImageError::Unsealed);
         }
         let header = Self { len: word(LEN_AT)?, crc: word(CRC_AT)?, version: word(VERSION_AT)? };
-        check(header.len, word(0)?, word(4)?)?;
+        check(header.len, word(0)?, word(4)?, map)?;
         Ok(header)
     }
 
-    /// The header of a whole image, checked.
+    /// The header of a whole image of a board, checked.
     ///
     /// # Errors
     /// The defect of the image. Bytes after the header's length are an error too.
-    pub fn verify(image: &[u8]) -> Result<Self, ImageError> {
-        let header = Self::read(image)?;
+    pub fn verify(image: &[u8], map: &Map) -> Result<Self, ImageError> {
+        let header = Self::read(image, map)?;
         let found = u32::try_from(image.len()).unwrap_or(u32::MAX);
         if header.len != found {
-            return Err(ImageError::Length { found });
+            return Err(length(found, map));
         }
         let found = sum(image);
         if found == header.crc { Ok(header) } else { Err(ImageError::Crc { found, expected: header.crc }) }
     }
 }
 
-fn check(len: u32, stack: u32, reset: u32) -> Result<(), ImageError> {
-    if !(HEADER_END..=APPLICATION.len).contains(&len) || !len.is_multiple_of(4) {
-        return Err(ImageError::Length { found: len });
+const fn length(found: u32, map: &Map) -> ImageError {
+    ImageError::Length { found, most: map.application.len }
+}
+
+fn check(len: u32, stack: u32, reset: u32, map: &Map) -> Result<(), ImageError> {
+    let Map { application, of, .. } = map;
+    if !(HEADER_END..=application.len).contains(&len) || !len.is_multiple_of(4) {
+        return Err(length(len, map));
     }
-    if !stack.is_multiple_of(4) || stack <= RAM.start || stack > RAM.end() {
-        return Err(ImageError::Stack { found: stack });
+    if !stack.is_multiple_of(4) || stack <= of.ram.start || stack > of.ram.end() {
+        return Err(ImageError::Stack { found: stack, end: of.ram.end() });
     }
-    let inside = APPLICATION.start + HEADER_END..APPLICATION.start + len;
+    let inside = application.start + HEADER_END..application.start + len;
     if reset.is_multiple_of(2) || !inside.contains(&(reset - 1)) {
         return Err(ImageError::Reset { found: reset });
     }
@@ -223,20 +229,20 @@ fn sum(image: &[u8]) -> u32 {
     summer.finish()
 }
 
-/// Writes the header into a linked image. Its length must be a multiple of 4 already.
+/// Writes the header into a linked image of a board. Its length must be a multiple of 4 already.
 ///
 /// # Errors
 /// The vectors are not those of an application, or the reserved ones contain something other than a header.
-pub fn seal(image: &mut [u8], version: u32) -> Result<Header, ImageError> {
+pub fn seal(image: &mut [u8], version: u32, map: &Map) -> Result<Header, ImageError> {
     let len = u32::try_from(image.len()).unwrap_or(u32::MAX);
     let word = |image: &[u8], at: u32| {
         image.get(at as usize..).and_then(<[u8]>::first_chunk).copied().map(u32::from_le_bytes)
     };
     let (Some(stack), Some(reset), Some(magic)) = (word(image, 0), word(image, 4), word(image, MAGIC_AT))
     else {
-        return Err(ImageError::Length { found: len });
+        return Err(length(len, map));
     };
-    check(len, stack, reset)?;
+    check(len, stack, reset, map)?;
     let blank = [MAGIC_AT, LEN_AT, CRC_AT, VERSION_AT]
         .iter()
         .all(|&at| matches!(word(image, at), Some(0 | u32::MAX)));

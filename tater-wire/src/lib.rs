@@ -9,7 +9,7 @@
 //! | [`message`], [`value`] | what a frame means: GET, SET, replies, packed torques |
 //! | [`property`], [`command`], [`mode`], [`end`], [`fault`] | the tables: every property, and the values of CMD, MODE, END and ERROR |
 //! | [`tek`], [`download`] | a firmware file, and how it is sent to a board |
-//! | [`image`], [`memory`] | the header that the monitor checks; flash and RAM |
+//! | [`image`], [`map`] | the header that the monitor checks; what a memory map is |
 //!
 //! # Example
 //! A host starts a move of motor 4, and reads the position in the reply.
@@ -53,7 +53,7 @@ pub mod find;
 pub mod frame;
 pub mod id;
 pub mod image;
-pub mod memory;
+pub mod map;
 pub mod message;
 pub mod mode;
 pub mod property;

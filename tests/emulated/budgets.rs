@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use board_emu::image::Programs;
 use board_emu::meter::Figures;
 use serde_json::{Value, json};
-use tater_wire::memory::STACK;
+use tater_f103::map::STACK;
 use tater_wire::{Cmd, Property};
 
 use super::bench::{Bench, NODE, flashed, production};

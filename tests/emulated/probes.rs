@@ -128,7 +128,7 @@ fn gdb_stops_at_the_tick_steps_and_continues() {
         board.run(until, &[]);
     }));
     let (code, places) = client.join().expect("the client's own assertions hold");
-    let at = (tick - tater_wire::memory::APPLICATION.start) as usize;
+    let at = (tick - tater_f103::map::APPLICATION.start) as usize;
     let bytes: String = programs.application[at..at + 4].iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(code, bytes, "memory is the image");
     assert!(places.windows(2).all(|pair| pair[0] != pair[1]), "each step moves it: {places:x?}");

@@ -2,7 +2,7 @@
 
 use board_emu::chip::Reset;
 use board_emu::time::US;
-use tater_wire::memory::{APPLICATION, FLASH};
+use tater_f103::map::{APPLICATION, FLASH};
 use tater_wire::{FaultCode, Property};
 
 use super::bench::{Bench, production};

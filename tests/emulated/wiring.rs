@@ -5,8 +5,8 @@ use board_emu::image::Programs;
 use board_emu::session::load;
 use hil_world::board::SimBoard;
 use hil_world::plant::Model;
+use tater_f103::map::STORAGE;
 use tater_wire::find::FindState;
-use tater_wire::memory::STORAGE;
 use tater_wire::{EndCode, FaultCode, Property};
 
 use super::bench::{Bench, id, production};

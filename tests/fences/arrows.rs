@@ -15,7 +15,10 @@ struct Arrows {
 const LIBRARIES: &[&str] = &[
     "servo-core",
     "tater-wire",
+    "boot",
     "tater-fw",
+    "bsp-stm32f1",
+    "tater-f103",
     "god",
     "kinematics",
     "traces",
@@ -31,7 +34,7 @@ const LIBRARIES: &[&str] = &[
     "board-emu",
 ];
 
-const ARROWS: [Arrows; 22] = [
+const ARROWS: [Arrows; 25] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -46,22 +49,35 @@ const ARROWS: [Arrows; 22] = [
         // defmt: as above. crc, proptest: tests.
         others: Some(&["defmt", "embedded-can", "heapless", "crc (dev)", "proptest (dev)"]),
     },
+    // servo-core: its clock. embedded-storage: what a NOR flash's errors are.
+    Arrows {
+        package: "boot",
+        ours: &["servo-core", "tater-wire"],
+        others: Some(&["defmt", "embedded-storage", "heapless", "proptest (dev)"]),
+    },
     Arrows {
         package: "tater-fw",
-        ours: &["servo-core", "tater-wire"],
-        // The same. Only on the metal: bxcan, cortex-m(-rt), stm32f1xx-hal: registers. cortex-m-rtic: interrupts.
-        // embedded-hal: pins. embedded-storage: traits for NOR flash. defmt(-rtt): logs. To build: tater-wire, for the memory map in the linker scripts.
+        ours: &["servo-core", "tater-wire", "boot"],
+        others: Some(&["defmt", "heapless", "proptest (dev)"]),
+    },
+    // bxcan, cortex-m(-rt), stm32f1xx-hal: registers. embedded-storage: traits for NOR flash.
+    Arrows {
+        package: "bsp-stm32f1",
+        ours: &["servo-core", "tater-wire", "boot"],
+        others: Some(&["bxcan", "cortex-m", "cortex-m-rt", "embedded-storage", "stm32f1xx-hal"]),
+    },
+    // cortex-m-rtic: interrupts. embedded-hal: pins. stm32f1xx-hal: which pins and peripherals a chip has. defmt(-rtt): logs. To build: tater-wire, for the
+    // memory map in the linker scripts.
+    Arrows {
+        package: "tater-f103",
+        ours: &["servo-core", "tater-wire", "boot", "tater-fw", "bsp-stm32f1"],
         others: Some(&[
-            "bxcan",
             "cortex-m",
             "cortex-m-rt",
             "cortex-m-rtic",
             "defmt",
             "defmt-rtt",
             "embedded-hal",
-            "embedded-storage",
-            "heapless",
-            "proptest (dev)",
             "stm32f1xx-hal",
         ]),
     },
@@ -73,7 +89,7 @@ const ARROWS: [Arrows; 22] = [
     // of Linux. socket2: a listener with a full backlog, for tests.
     Arrows {
         package: "wraptor",
-        ours: &["tater-wire", "god"],
+        ours: &["tater-wire", "tater-f103", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
     },
     // Tables and their formats: csv, parquet with bytes, mcap. strsim: misspelt names. serde(_json): what formats keep beside the rows.
@@ -95,13 +111,24 @@ const ARROWS: [Arrows; 22] = [
     // libm: the same bits on every platform. flate2: a checksum. serde: figures by name. rand(_pcg): noise and scatter from a seed.
     Arrows {
         package: "hil-world",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics"],
+        ours: &["servo-core", "tater-wire", "boot", "tater-fw", "tater-f103", "god", "kinematics"],
         others: Some(&["fixed (dev)", "flate2", "libm", "proptest (dev)", "rand", "rand_pcg", "serde"]),
     },
     // toml: scenarios. flate2: recordings. fixed, heapless: the estimator of a replay.
     Arrows {
         package: "hil-experiment",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "traces", "charts", "hil-world"],
+        ours: &[
+            "servo-core",
+            "tater-wire",
+            "boot",
+            "tater-fw",
+            "tater-f103",
+            "god",
+            "kinematics",
+            "traces",
+            "charts",
+            "hil-world",
+        ],
         others: Some(&[
             "fixed",
             "flate2",
@@ -118,7 +145,17 @@ const ARROWS: [Arrows; 22] = [
     // wraptor: lines of SLCAN.
     Arrows {
         package: "hil-torture",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "wraptor", "hil-world", "hil-experiment"],
+        ours: &[
+            "servo-core",
+            "tater-wire",
+            "boot",
+            "tater-fw",
+            "tater-f103",
+            "god",
+            "wraptor",
+            "hil-world",
+            "hil-experiment",
+        ],
         others: Some(&["libm", "rand", "rand_pcg", "serde"]),
     },
     // cmaes: the search. num-complex: frequency responses. rayon: threads, with results in order.
@@ -132,7 +169,9 @@ const ARROWS: [Arrows; 22] = [
         ours: &[
             "servo-core",
             "tater-wire",
+            "boot",
             "tater-fw",
+            "tater-f103",
             "god",
             "traces",
             "charts",
@@ -153,31 +192,39 @@ const ARROWS: [Arrows; 22] = [
         others: Some(&["numpy", "pyo3", "serde_json"]),
     },
     // The C library.
-    Arrows { package: "wraptor-c", ours: &["tater-wire", "wraptor"], others: Some(&[]) },
+    Arrows { package: "wraptor-c", ours: &["tater-wire", "tater-f103", "wraptor"], others: Some(&[]) },
     // The terminal program. god: the tables of commands and parameters. programs: ^C. rustyline: entries with history and completion. rustix: keys
     // one by one, and a terminal for tests.
     Arrows {
         package: "wraptor-cli",
-        ours: &["tater-wire", "god", "wraptor", "programs"],
+        ours: &["tater-wire", "tater-f103", "god", "wraptor", "programs"],
         others: Some(&["clap", "rustix", "rustyline", "serde_json"]),
     },
     // board-emu gets the program as bytes: of ours it needs only the simulated world, what runs and torments it, and options of sockets.
     Arrows {
         package: "board-emu",
-        ours: &["tater-wire", "wraptor", "programs", "hil-world", "hil-experiment", "hil-torture"],
+        ours: &[
+            "tater-wire",
+            "tater-f103",
+            "wraptor",
+            "programs",
+            "hil-world",
+            "hil-experiment",
+            "hil-torture",
+        ],
         others: None,
     },
     Arrows { package: "system-tests", ours: LIBRARIES, others: None },
     Arrows {
         package: "tater-fuzz",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-world", "hil-sim"],
+        ours: &["servo-core", "tater-wire", "boot", "tater-fw", "tater-f103", "god", "hil-world", "hil-sim"],
         others: None,
     },
     // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images.
     // wraptor: downloads. kinematics: robot models. programs: atomic files. indicatif: progress. object, rustc-demangle: ELF.
     Arrows {
         package: "xtask",
-        ours: &["tater-wire", "kinematics", "wraptor", "programs"],
+        ours: &["tater-wire", "tater-f103", "kinematics", "wraptor", "programs"],
         others: Some(&["clap", "indicatif", "object", "rustc-demangle", "serde_json"]),
     },
 ];

@@ -4,7 +4,17 @@ use super::tokens::{Token, closing, item_end, reads, scan};
 use super::{Source, Violation, assert_none, check_fence, check_workspace, files};
 
 fn is_bsp(source: &Source) -> bool {
-    source.path == "tater-fw/src/bsp.rs" || source.is_in("tater-fw/src/bsp")
+    source.is_in("bsp-stm32f1")
+}
+
+/// A board's crate: pins and interrupts, no registers.
+fn is_of_a_board(source: &Source) -> bool {
+    source.is_in("boards")
+}
+
+/// Where a board binds its interrupts.
+fn is_app(source: &Source) -> bool {
+    is_of_a_board(source) && source.path.ends_with("/src/app.rs")
 }
 
 /// The C ABI: what other languages pass is checked in `border.rs`.
@@ -35,7 +45,7 @@ fn unexplained(source: &Source) -> Vec<Violation> {
             return None;
         }
         if !is_bsp(source) && !is_foreign(source) {
-            return Some("unsafe: only tater-fw/src/bsp has registers, and wraptor/c foreign callers".into());
+            return Some("unsafe: only bsp-stm32f1 has registers, and wraptor/c foreign callers".into());
         }
         let above = lines.get(end_of_previous(tokens, at)..token.line - 1).unwrap_or_default();
         let explained = above
@@ -46,26 +56,11 @@ fn unexplained(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Every module of tater-fw except `bsp` forbids `unsafe`.
-fn unforbidden(source: &Source) -> Vec<Violation> {
-    if source.path != "tater-fw/src/lib.rs" {
-        return Vec::new();
-    }
-    scan(source, |tokens, at| {
-        let name = tokens.get(at + 1).filter(|name| tokens[at].text == "mod" && name.text != "bsp")?;
-        let is_public = at > 0 && tokens[at - 1].text == "pub";
-        let start = at - usize::from(is_public);
-        let forbidden =
-            start >= 7 && reads(tokens, start - 7, &["#", "[", "forbid", "(", "unsafe_code", ")", "]"]);
-        (!forbidden).then(|| format!("mod {}: directly above it stands #[forbid(unsafe_code)]", name.text))
-    })
-}
-
-/// Register crates may be used only by `bsp` and the two programs.
+/// Register crates may be used only by bsp crates and boards; where interrupts are bound, only by a board's app.rs.
 fn registers(source: &Source) -> Vec<Violation> {
     const CRATES: [&str; 6] = ["stm32f1xx_hal", "bxcan", "cortex_m", "cortex_m_rt", "rtic", "embedded_hal"];
-    let is_app = source.path == "tater-fw/src/app.rs";
-    let may = is_bsp(source) || is_app || source.path == "tater-fw/src/bin/monitor.rs";
+    let is_app = is_app(source);
+    let may = is_bsp(source) || is_of_a_board(source);
     scan(source, |tokens, at| {
         let token = &tokens[at];
         let allowed = if token.text == "rtic" { is_app } else { may };
@@ -74,13 +69,13 @@ fn registers(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// A method of `Board` or `Motor` makes no decision: it is shorter than this.
+/// A method of `Board` or `Chip` makes no decision: it is shorter than this.
 const METHOD_LINES: usize = 10;
 /// Other functions are not longer than this, the longest register set-up of a peripheral.
 const HELPER_LINES: usize = 40;
 
 fn long_method(source: &Source) -> Vec<Violation> {
-    if !is_bsp(source) {
+    if !is_bsp(source) && !is_of_a_board(source) {
         return Vec::new();
     }
     scan(source, |tokens, at| {
@@ -89,7 +84,7 @@ fn long_method(source: &Source) -> Vec<Violation> {
             let implements = |name| (start..at).any(|i| reads(tokens, i, &[name, "for"]));
             tokens[start].text == "impl"
                 && item_end(tokens, start) > at
-                && (implements("Board") || implements("Motor"))
+                && (implements("Board") || implements("Chip"))
         });
         let lines = tokens.get(item_end(tokens, at))?.line - tokens[at].line + 1;
         let allowed = if of_the_board { METHOD_LINES - 1 } else { HELPER_LINES };
@@ -125,7 +120,7 @@ fn may_call(name: &str) -> &'static [&'static str] {
 
 /// A task locks once, makes its call into [`Tater`](tater_fw::Tater), and has no loop (except idle).
 fn tasks(source: &Source) -> Vec<Violation> {
-    if source.path != "tater-fw/src/app.rs" {
+    if !is_app(source) {
         return Vec::new();
     }
     scan(source, |tokens, at| {
@@ -204,11 +199,11 @@ fn waiting_page_fence_finds_each_violation() {
         ("Loops that wait for hardware\n| `a.rs` | b |", "| `a.rs` | b |\nLoops that wait for hardware");
     let waits = ["fn f() { while a() {} }", "fn f() { (0..N).any(|_| a()) }"];
     for text in waits {
-        assert_eq!(found("tater-fw/src/bsp/a.rs", text, other), 1, "{text}");
-        assert_eq!(found("tater-fw/src/bsp/b.rs", text, table), 1, "{text}");
-        assert_eq!(found("tater-fw/src/bsp/a.rs", text, table), 0, "{text}");
+        assert_eq!(found("bsp-stm32f1/src/a.rs", text, other), 1, "{text}");
+        assert_eq!(found("bsp-stm32f1/src/b.rs", text, table), 1, "{text}");
+        assert_eq!(found("bsp-stm32f1/src/a.rs", text, table), 0, "{text}");
     }
-    assert_eq!(found("tater-fw/src/bsp/a.rs", "fn f() { b.iter().any(|c| c.d) }", ""), 0);
+    assert_eq!(found("bsp-stm32f1/src/a.rs", "fn f() { b.iter().any(|c| c.d) }", ""), 0);
 }
 
 #[test]
@@ -220,17 +215,12 @@ fn unsafe_is_in_bsp_and_explained() {
 }
 
 #[test]
-fn modules_outside_bsp_forbid_unsafe() {
-    check_workspace(unforbidden);
-}
-
-#[test]
-fn register_crates_are_used_in_bsp_and_programs() {
+fn register_crates_are_used_in_bsp_and_boards() {
     check_workspace(registers);
 }
 
 #[test]
-fn methods_in_bsp_are_short() {
+fn methods_of_boards_are_short() {
     check_workspace(long_method);
 }
 
@@ -253,7 +243,7 @@ fn unsafe_fence_finds_each_violation() {
     ];
     check_fence(
         unexplained,
-        "tater-fw/src/bsp/a.rs",
+        "bsp-stm32f1/src/a.rs",
         &[
             "unsafe { a() }",
             "// SAFETY: a\nb();\nunsafe { c() }",
@@ -266,24 +256,9 @@ fn unsafe_fence_finds_each_violation() {
     );
     check_fence(
         unexplained,
-        "tater-fw/src/app.rs",
+        "boards/tater-f103/src/app.rs",
         &explained[..2],
         &["// unsafe\nfn f(a: &str) { g(\"unsafe\") }"],
-    );
-}
-
-#[test]
-fn forbid_fence_finds_each_violation() {
-    check_fence(
-        unforbidden,
-        "tater-fw/src/lib.rs",
-        &[
-            "mod a;",
-            "#[forbid(unsafe_code)] mod a; pub mod b;",
-            "#[deny(unsafe_code)] mod a;",
-            "#[forbid(unsafe_code)] use a; mod b;",
-        ],
-        &["#[forbid(unsafe_code)]\npub mod a;\n#[forbid(unsafe_code)]\nmod b;\npub mod bsp;"],
     );
 }
 
@@ -291,22 +266,23 @@ fn forbid_fence_finds_each_violation() {
 fn register_fence_finds_each_violation() {
     let names = ["use cortex_m::asm;", "fn f() { bxcan::g() }", "use embedded_hal as e;"];
     check_fence(registers, "tater-fw/src/tater.rs", &names, &["// bxcan\nconst A: &str = \"bxcan\";"]);
-    check_fence(registers, "tater-fw/src/main.rs", &["#[cortex_m_rt::entry] fn main() {}"], &[]);
-    check_fence(registers, "tater-fw/src/bsp/can.rs", &["fn f() { rtic::pend(a) }"], &names);
-    check_fence(registers, "tater-fw/src/app.rs", &[], &["#[rtic::app(device = a)] mod app {}"]);
+    check_fence(registers, "boot/src/lib.rs", &["#[cortex_m_rt::entry] fn main() {}"], &[]);
+    check_fence(registers, "boards/a/src/pins.rs", &["fn f() { rtic::pend(a) }"], &names);
+    check_fence(registers, "boards/tater-f103/src/app.rs", &[], &["#[rtic::app(device = a)] mod app {}"]);
 }
 
 #[test]
 fn method_fence_finds_each_violation() {
     let method = |lines: usize| format!("fn a(&self) {{{}}}", "\n".repeat(lines - 1));
     let of = |head: &str, lines: usize| format!("{head} {{ fn b() {{}} {} }}", method(lines));
-    let (board, motor) = ("impl<M: Motor> Board for Metal<M>", "impl Motor for Armed");
+    let (board, motor) = ("impl<M> Chip for Metal<M>", "impl Board for Metal<Armed>");
     check_fence(
         long_method,
-        "tater-fw/src/bsp/a.rs",
+        "bsp-stm32f1/src/a.rs",
         &[&of(board, 10), &of(motor, 10), &of("impl Flash for Metal", 41), &method(41)],
-        &[&of(board, 9), &of("impl Flash for Metal", 40), &of("impl<M: Motor> Metal<M>", 40)],
+        &[&of(board, 9), &of("impl Flash for Metal", 40), &of("impl<M> Metal<M>", 40)],
     );
+    check_fence(long_method, "boards/a/src/metal.rs", &[&of(motor, 10)], &[]);
     check_fence(long_method, "hil-sim/world/src/board.rs", &[], &[&of(board, 10)]);
 }
 
@@ -316,7 +292,7 @@ fn task_fence_finds_each_violation() {
     let (slow, hall) = ("#[task(binds = A)] fn housekeeping", "#[task(binds = A)] fn hall");
     check_fence(
         tasks,
-        "tater-fw/src/app.rs",
+        "boards/tater-f103/src/app.rs",
         &[
             "#[task(binds = A)] fn housekeeping(c: C) { c.lock(|tater| tater.housekeeping(d)); c.lock(|t| t.e()); }",
             "#[task(binds = A)] fn housekeeping(c: C) { d(); }",
@@ -340,7 +316,7 @@ fn task_fence_finds_each_violation() {
 fn busy_loop_fence_finds_each_violation() {
     check_fence(
         busy,
-        "tater-fw/src/bsp/a.rs",
+        "bsp-stm32f1/src/a.rs",
         &[
             "fn f() { loop {} }",
             "fn f() { while a() { b(); } }",

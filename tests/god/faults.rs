@@ -5,12 +5,12 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
+use boot::Chip;
 use hil_world::hand::Hand;
 use hil_world::hand::state::State;
 use hil_world::plant::Model;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
-use tater_fw::Board;
 
 use super::Session;
 use super::deadlines::{ABORT_US, SHARE_US};

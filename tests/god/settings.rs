@@ -1,8 +1,8 @@
 //! Parameters of motors and of the hand (manual 5.2.2, 5.2.3; 5.3, 5.4).
 
+use boot::Chip;
 use god::Memory;
 use god::memory::Stored;
-use tater_fw::Board;
 
 use super::{Exchange, Session, assert_answers};
 

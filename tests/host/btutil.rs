@@ -1,8 +1,8 @@
 //! btutil: lists, renumbers and downloads. It waits for each answer and each request without a time limit.
 
 use hil_world::bus::Station;
+use tater_f103::map::APPLICATION;
 use tater_wire::FaultCode;
-use tater_wire::memory::APPLICATION;
 
 use super::can::{Host, emulated, native};
 use crate::emulated::bench::production;

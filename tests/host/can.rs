@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use board_emu::board::Board;
 use board_emu::image::Programs;
+use boot::Chip as _;
+use boot::storage::{Progress, Store};
 use hil_world::board::SimBoard;
 use hil_world::bus::{Adapter, Bus, Stamped, Station};
 use hil_world::hand::Motorized;
@@ -11,9 +13,7 @@ use hil_world::node::{Node, shipped_storage, store};
 use hil_world::plant::Model;
 use hil_world::rig::Truth;
 use hil_world::rig::flash::SimFlash;
-use tater_fw::Board as _;
-use tater_fw::storage::{Progress, Store};
-use tater_wire::memory::{FLASH, STORAGE};
+use tater_f103::map::{FLASH, STORAGE};
 use tater_wire::property::host_units::{BH8_280, OWN};
 use tater_wire::{Frame, MotorKind, Node as Id, Property};
 

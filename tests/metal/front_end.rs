@@ -3,7 +3,7 @@
 use board_emu::analog::FrontEnd;
 use hil_world::board::SimBoard;
 use hil_world::plant::Model;
-use tater_fw::bsp::scale;
+use tater_f103::scale;
 use tater_wire::Node;
 
 /// Input 5 is the supply current, 1 the voltage, 2 strain, 3 and 4 thermistors (`bsp/pins.rs`).

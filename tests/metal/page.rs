@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
-use tater_fw::bsp::pins::{BUS, MOTOR};
-use tater_fw::bsp::timing;
+use bsp_stm32f1::timing;
+use tater_f103::map::{APPLICATION, KEPT, MAP, MONITOR, STACK, STATICS, STORAGE};
+use tater_f103::pins::{BUS, MOTOR};
 use tater_wire::FaultCode;
-use tater_wire::memory::{APPLICATION, KEPT, MONITOR, STACK, STAGING, STATICS, STORAGE};
 
 const PAGE: &str = "docs/board.md";
 
@@ -42,7 +42,7 @@ fn made(name: &str) -> String {
             for (area, what) in [
                 (MONITOR, "flash: monitor, entered at reset, never written in the field"),
                 (APPLICATION, "flash: application, with the image's header in its vector table"),
-                (STAGING, "flash: where a download is gathered"),
+                (MAP.staging, "flash: where a download is gathered"),
                 (STORAGE, "flash: properties and counters"),
                 (STACK, "RAM: stack, growing down"),
                 (STATICS, "RAM: variables"),
@@ -183,7 +183,7 @@ fn tasks(app: &str) -> Vec<(String, String, u8)> {
 
 #[test]
 fn interrupts_match_the_application() {
-    let (page, tasks) = (read(PAGE), tasks(&read("tater-fw/src/app.rs")));
+    let (page, tasks) = (read(PAGE), tasks(&read("boards/tater-f103/src/app.rs")));
     assert!(tasks.len() > 5, "{tasks:?}");
     for (task, vector, priority) in &tasks {
         // Four bits of priority, the highest first (RTIC's 16 is 0).
@@ -219,7 +219,7 @@ fn every_lock_has_its_time() {
     // Each row without its last cell, or with a word there, is an error.
     let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
     let rows: Vec<&str> = rows.take_while(|line| line.starts_with('|')).collect();
-    assert_eq!(rows.len(), tasks(&read("tater-fw/src/app.rs")).len() + 1, "the tasks and idle");
+    assert_eq!(rows.len(), tasks(&read("boards/tater-f103/src/app.rs")).len() + 1, "the tasks and idle");
     for row in rows {
         let (head, _) = row.trim_end_matches(" |").rsplit_once(" | ").expect("cells");
         for cell in ["", "soon", "15; SAVE", "15; 100"] {

@@ -8,9 +8,9 @@ mod storage;
 
 use board_emu::chip::flash as chip;
 use board_emu::image::Programs;
+use boot::storage::Store;
 use hil_world::rig::flash::SimFlash;
-use tater_fw::storage::Store;
-use tater_wire::memory::FLASH;
+use tater_f103::map::FLASH;
 use tater_wire::{FaultCode, Property};
 
 use super::monitor::rig::Operation;

@@ -7,10 +7,10 @@ mod downloads;
 mod noise;
 pub(super) mod rig;
 
+use boot::monitor::Next;
 use hil_world::rig::flash::SimFlash;
 use rig::{Host, NODE, Operation, Rig, application, flash_with, image, lines};
 use std::collections::HashSet;
-use tater_fw::monitor::Next;
 use tater_wire::{Body, Message, Property};
 
 /// Seeds for each operation: with the second cuts some 60,000 states, the monitor's share of 100,000.

@@ -4,6 +4,7 @@ mod endurance;
 mod scenarios;
 mod script;
 
+use boot::storage::{Counters, LOSS, Progress, Store};
 use hil_world::rig::flash::SimFlash;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use scenarios::Scenario;
@@ -11,9 +12,8 @@ pub(super) use script::State;
 use script::{Act, run, step, stored};
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hasher};
-use tater_fw::storage::{Counters, LOSS, Progress, Store};
+use tater_f103::map::{FLASH, STORAGE};
 use tater_wire::Property;
-use tater_wire::memory::{FLASH, STORAGE};
 
 fn bytes(flash: &SimFlash) -> &[u8] {
     let start = (STORAGE.start - FLASH.start) as usize;

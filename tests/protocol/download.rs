@@ -4,9 +4,9 @@ use hil_world::board::SimBoard;
 use hil_world::bus::{Adapter, Bus, Noise, Stats};
 use hil_world::node::{Node, placeholder_application};
 use hil_world::plant::Model;
+use tater_f103::map::{APPLICATION, FLASH, MAP, RAM};
 use tater_wire::download::{DownloadError, Downloader, Next, START};
 use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, FLASH, RAM};
 use tater_wire::tek::{Encoder, end};
 use tater_wire::{Destination, FaultCode, Frame, Identifier, Message, Node as Id, Property};
 
@@ -28,7 +28,7 @@ fn image(len: usize) -> Vec<u8> {
     image[..4].copy_from_slice(&RAM.end().to_le_bytes());
     image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
     image[0x1C..0x2C].fill(0);
-    seal(&mut image, 601).expect("room for the header");
+    seal(&mut image, 601, &MAP).expect("room for the header");
     image
 }
 

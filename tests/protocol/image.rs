@@ -2,9 +2,10 @@
 
 use std::fs;
 
+use tater_f103::map::{APPLICATION, MAP, MONITOR};
 use tater_wire::Property;
 use tater_wire::image::Header;
-use tater_wire::memory::{APPLICATION, Area, MONITOR};
+use tater_wire::map::Area;
 
 use super::download::Bench;
 use crate::emulated::bench::folder;
@@ -19,7 +20,7 @@ fn production_image_downloads_by_barretts_downloader_and_by_ours() {
         return;
     };
     let image = fs::read(folder("production").join("tater.bin")).expect("written together with tater.tek");
-    let header = Header::verify(&image).expect("sealed");
+    let header = Header::verify(&image, &MAP).expect("sealed");
     for by in ["Barrett's", "our"] {
         let mut bench = Bench::new();
         assert!(bench.application(image.len()) != image, "another application runs first");

@@ -1,8 +1,8 @@
 //! No frame reads or writes memory by address, and a locked property changes only once after LOCK's sequence.
 
+use boot::Flash;
 use proptest::prelude::*;
-use tater_fw::Flash;
-use tater_wire::memory::{APPLICATION, FLASH, MONITOR, RAM, STORAGE};
+use tater_f103::map::{APPLICATION, FLASH, MONITOR, RAM, STORAGE};
 use tater_wire::property::{Access, ROWS, barrett};
 use tater_wire::{Body, Destination, Frame, Group, Property, Torques, Value};
 

@@ -1,8 +1,8 @@
 //! A sealed image through a `.tek` file, from a host to a monitor. Damaged files: `xtask/tests/tek/damaged.rs`.
 
 use proptest::prelude::*;
+use tater_f103::map::{APPLICATION, MAP, RAM};
 use tater_wire::image::{Header, seal};
-use tater_wire::memory::{APPLICATION, RAM};
 use tater_wire::tek::{Decoder, Encoder, Record, TekError, end};
 
 fn sealed(code: &[u8]) -> Vec<u8> {
@@ -11,7 +11,7 @@ fn sealed(code: &[u8]) -> Vec<u8> {
     image[4..8].copy_from_slice(&(APPLICATION.start + 0x2D).to_le_bytes());
     image.extend_from_slice(code);
     image.resize(image.len().next_multiple_of(4), 0xFF);
-    seal(&mut image, 600).expect("the vectors are good");
+    seal(&mut image, 600, &MAP).expect("the vectors are good");
     image
 }
 
@@ -52,7 +52,7 @@ proptest! {
         let image = sealed(&code);
         let flash = received(&sent(&file(&image)));
         prop_assert_eq!(flash.as_ref(), Ok(&Some(image.clone())));
-        prop_assert_eq!(Header::verify(&image).map(|header| header.len as usize), Ok(image.len()));
+        prop_assert_eq!(Header::verify(&image, &MAP).map(|header| header.len as usize), Ok(image.len()));
     }
 }
 
@@ -87,7 +87,7 @@ fn exchanged_characters_never_become_another_application() {
             changed.swap(a, b);
             if let Ok(Some(flash)) = received(&changed).map(|flash| flash.filter(|flash| *flash != image)) {
                 left_to_the_header += 1;
-                assert!(Header::verify(&flash).is_err(), "{a} and {b}");
+                assert!(Header::verify(&flash, &MAP).is_err(), "{a} and {b}");
             }
         }
     }

@@ -6,8 +6,8 @@ use std::io::{self, ErrorKind, Read};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use tater_f103::map::{APPLICATION, MAP};
 use tater_wire::image::{HEADER_END, Header, ImageError};
-use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{Dialect, Reader, Record, TekError};
 
 /// What erased flash holds, and so what no record brings.
@@ -238,7 +238,7 @@ impl Image {
     fn finish(self) -> Result<Contents, FirmwareError> {
         let whole = |found: String| FirmwareError { at: None, found: found + &self.gap(), next_step: COPY };
         let begins = self.first == APPLICATION.start && self.bytes.len() >= HEADER_END as usize;
-        let header = match begins.then(|| Header::verify(&self.bytes)) {
+        let header = match begins.then(|| Header::verify(&self.bytes, &MAP)) {
             None => None,
             Some(Err(ImageError::Unsealed)) => {
                 // Words of the vector table that are missing may have been the seal.

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use served::{Cut, HANGS, Proxy, Served, firmware, tek};
-use tater_wire::memory::APPLICATION;
+use tater_f103::map::APPLICATION;
 use tater_wire::tek::{Encoder, end};
 use wraptor::{
     BoardState, Boards, Bus, Connect, DownloadProgress, Failure, Firmware, Hand, Node, Property, discover,

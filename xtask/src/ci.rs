@@ -175,12 +175,11 @@ fn other_systems() -> Outcome {
 }
 
 /// The crates for microcontrollers. GOD has no board yet, and the kinematics no caller on one.
-const BOARD: &str =
-    "--package servo-core --package tater-wire --package tater-fw --package god --package kinematics";
+const BOARD: &str = "--package servo-core --package tater-wire --package boot --package tater-fw --package bsp-stm32f1 --package tater-f103 --package god --package kinematics";
 
 fn clippy_thumb() -> Outcome {
     // The second run covers the code of the log feature.
-    for features in ["", "--features tater-fw/log"] {
+    for features in ["", "--features tater-f103/log"] {
         run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} {features} -- -D warnings")))?;
     }
     Ok(())

@@ -5,8 +5,8 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use tater_f103::map::STORAGE;
 use tater_wire::image::Crc32;
-use tater_wire::memory::STORAGE;
 
 use crate::image::{self, Profile};
 use crate::program::{program, run, succeeds, target, typed};

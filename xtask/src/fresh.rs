@@ -7,7 +7,7 @@ use crate::program::{output, program, run, simulator};
 use programs::output::warn;
 
 /// Packages with property tests.
-const PACKAGES: &str = "--package servo-core --package tater-wire --package tater-fw --package god --package kinematics \
+const PACKAGES: &str = "--package servo-core --package tater-wire --package boot --package tater-fw --package god --package kinematics \
                         --package hil-world --package hil-sim --package system-tests";
 
 /// Arguments of `fresh`.

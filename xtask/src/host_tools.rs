@@ -74,8 +74,8 @@ pub fn application() -> Result<PathBuf, String> {
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let (bytes, file) = (folder.join("application.bin"), folder.join("application.tek"));
     let mut image = vec![0x5A; IMAGE];
-    image[..4].copy_from_slice(&tater_wire::memory::RAM.end().to_le_bytes());
-    image[4..8].copy_from_slice(&(tater_wire::memory::APPLICATION.start + 0x101).to_le_bytes());
+    image[..4].copy_from_slice(&tater_f103::map::RAM.end().to_le_bytes());
+    image[4..8].copy_from_slice(&(tater_f103::map::APPLICATION.start + 0x101).to_le_bytes());
     // The vectors that hold the header are reserved.
     image[0x1C..0x2C].fill(0);
     std::fs::write(&bytes, image).map_err(|error| format!("{}: {error}", bytes.display()))?;
@@ -86,7 +86,7 @@ pub fn application() -> Result<PathBuf, String> {
 fn encode(bytes: &Path, file: &Path) -> Outcome {
     let chore = tek::Chore::Encode {
         input: bytes.to_owned(),
-        base: Some(tater_wire::memory::APPLICATION.start),
+        base: Some(tater_f103::map::APPLICATION.start),
         output: file.to_owned(),
         seal: Some(600),
         replace_seal: false,

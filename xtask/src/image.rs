@@ -11,9 +11,10 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use tater_f103::map::{APPLICATION, MONITOR};
 use tater_wire::Property;
 use tater_wire::image::{Crc32, Header};
-use tater_wire::memory::{APPLICATION, Area, MONITOR};
+use tater_wire::map::Area;
 
 use crate::program::{output, program, root, target};
 use crate::{Failure, files, setup, tek};

@@ -47,11 +47,11 @@ const SUBJECTS: [Subject; 10] = [
     of_a_board("tater-wire", "tater-wire", &["tater-wire/src/**"], 92.0),
     Subject {
         slow: &SLOW_OF_BOARD,
-        ..of_a_board("storage", "tater-fw", &["tater-fw/src/storage.rs", "tater-fw/src/storage/**"], 92.0)
+        ..of_a_board("storage", "boot", &["boot/src/storage.rs", "boot/src/storage/**"], 92.0)
     },
     Subject {
         slow: &SLOW_OF_BOARD,
-        ..of_a_board("monitor", "tater-fw", &["tater-fw/src/monitor.rs", "tater-fw/src/monitor/**"], 92.0)
+        ..of_a_board("monitor", "boot", &["boot/src/monitor.rs", "boot/src/monitor/**"], 92.0)
     },
     of_a_board("god", "god", &["god/src/**"], 85.0),
     of_a_host("world", "hil-world", &["hil-sim/world/src/**"]),

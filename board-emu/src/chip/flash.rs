@@ -12,7 +12,7 @@ use super::{Peripheral, RegisterResult};
 use crate::time::{Time, US};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_wire::memory::{FLASH, PAGE};
+use tater_f103::map::{FLASH, PAGE};
 
 /// Programming a half-word: 52.5 us (DS5319 5.3.9, typical; 40 to 70).
 pub const PROGRAM: Time = 105 * US / 2;

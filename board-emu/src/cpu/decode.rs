@@ -33,7 +33,7 @@ pub const fn is_wide(first: u32) -> bool {
     first >> 11 & 0x1F >= 0b11101
 }
 
-const SLOTS: usize = tater_wire::memory::FLASH.len as usize / 2;
+const SLOTS: usize = tater_f103::map::FLASH.len as usize / 2;
 
 /// Decoder with a cache of the flash's instructions.
 #[derive(Clone)]

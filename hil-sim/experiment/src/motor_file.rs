@@ -22,10 +22,10 @@
 
 use std::path::Path;
 
+use boot::Chip;
 use serde::Deserialize;
 use servo_core::motor::{BoardFigures, Motor};
 use servo_core::{Command, Config};
-use tater_fw::Board;
 use tater_wire::property::Range;
 use tater_wire::{MotorKind, Property};
 use toml::Spanned;

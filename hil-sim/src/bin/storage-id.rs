@@ -6,10 +6,10 @@
 use std::io::{self, Read, Write};
 use std::process::ExitCode;
 
+use boot::storage::{Progress, Store};
 use hil_world::rig::flash::SimFlash;
-use tater_fw::storage::{Progress, Store};
+use tater_f103::map::{FLASH, STORAGE};
 use tater_wire::Property;
-use tater_wire::memory::{FLASH, STORAGE};
 
 const USAGE: &str = "usage: storage-id NAME=VALUE ... < storage > storage, where NAME is a stored property, such as ID=4; \
      NAME?=VALUE keeps a stored value";
@@ -91,7 +91,7 @@ fn with(bytes: &[u8], values: &[(Property, i64)]) -> Result<Vec<u8>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tater_fw::storage::Counters;
+    use boot::storage::Counters;
 
     fn erased() -> Vec<u8> {
         vec![0xFF; STORAGE.len as usize]

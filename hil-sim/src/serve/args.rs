@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use boot::Chip;
 use hil_experiment::motor_file::MotorFile;
 use hil_world::board::SimBoard;
 use hil_world::node::{Node, store};
-use tater_fw::Board;
 use tater_wire::{MotorKind, Node as Id, Property};
 use traces::input::BadInput;
 

@@ -2,9 +2,9 @@
 
 use std::sync::OnceLock;
 
+use tater_f103::map::APPLICATION;
 use tater_wire::Node as Id;
 use tater_wire::download::{Downloader, Next};
-use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{Encoder, end};
 
 use super::fault::Subject;

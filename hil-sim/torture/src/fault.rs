@@ -2,10 +2,10 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use boot::{Chip, Flash};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_fw::{Board, Flash};
-use tater_wire::memory::{PAGE, STORAGE};
+use tater_f103::map::{PAGE, STORAGE};
 use tater_wire::{Frame, Message, Node as Id, Property};
 
 use super::case::{Case, Fault, MOTORS, kind, rng};
@@ -463,7 +463,7 @@ fn damage(node: &mut Node, kind: FaultKind, rng: &mut Pcg64Mcg) {
             }
         }
         FaultKind::WornPage => {
-            let first = (STORAGE.start - tater_wire::memory::FLASH.start) / PAGE;
+            let first = (STORAGE.start - tater_f103::map::FLASH.start) / PAGE;
             let pages = (0..STORAGE.len / PAGE)
                 .filter(|_| rng.random_ratio(1, 3))
                 .map(|page| 1u128 << (first + page));

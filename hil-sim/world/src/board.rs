@@ -1,6 +1,7 @@
 //! The simulated hardware of one motor board: the rig in place of the pins, a flash, a CAN controller's mailboxes.
 //! It implements [`tater_fw::Board`] and makes no decisions.
 
+use boot::Chip;
 use servo_core::motor::BoardFigures;
 use servo_core::sense::commutation::Bridge;
 use tater_fw::tater::heat::COLD;
@@ -209,8 +210,47 @@ impl SimBoard {
     }
 }
 
-impl Board for SimBoard {
+impl Chip for SimBoard {
     type Flash = SimFlash;
+
+    fn transmit(&mut self, frame: &Frame) -> bool {
+        let room = self.mailboxes.len() < MAILBOXES;
+        if room {
+            self.mailboxes.push(*frame);
+        }
+        room
+    }
+
+    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.filters = (node, groups);
+    }
+
+    fn flash(&mut self) -> &mut SimFlash {
+        &mut self.flash
+    }
+
+    fn feed_watchdog(&mut self) {
+        self.feeds += 1;
+    }
+
+    fn reset(&mut self) {
+        self.resets += 1;
+    }
+
+    fn reset_cause(&self) -> Option<FaultCode> {
+        self.reset_cause
+    }
+
+    fn straps(&self) -> Node {
+        self.straps
+    }
+
+    fn serial_number(&self) -> u16 {
+        self.chip
+    }
+}
+
+impl Board for SimBoard {
     const FIGURES: BoardFigures = BoardFigures::TATER;
 
     fn bridge(&mut self, bridge: Bridge) {
@@ -234,26 +274,6 @@ impl Board for SimBoard {
         self.analog
     }
 
-    fn transmit(&mut self, frame: &Frame) -> bool {
-        let room = self.mailboxes.len() < MAILBOXES;
-        if room {
-            self.mailboxes.push(*frame);
-        }
-        room
-    }
-
-    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
-        self.filters = (node, groups);
-    }
-
-    fn flash(&mut self) -> &mut SimFlash {
-        &mut self.flash
-    }
-
-    fn feed_watchdog(&mut self) {
-        self.feeds += 1;
-    }
-
     fn feed_tick_watchdog(&mut self) {
         self.tick_feeds += 1;
     }
@@ -264,21 +284,5 @@ impl Board for SimBoard {
 
     fn retain(&mut self, word: u32) {
         self.retained = word;
-    }
-
-    fn reset(&mut self) {
-        self.resets += 1;
-    }
-
-    fn reset_cause(&self) -> Option<FaultCode> {
-        self.reset_cause
-    }
-
-    fn straps(&self) -> Node {
-        self.straps
-    }
-
-    fn serial_number(&self) -> u16 {
-        self.chip
     }
 }

@@ -11,10 +11,10 @@ use std::future::Future;
 use std::pin::Pin;
 use std::rc::Rc;
 
+use boot::Chip;
 use god::{Io, Memory};
-use tater_fw::Board;
+use tater_f103::map::FLASH;
 use tater_wire::Node as Id;
-use tater_wire::memory::FLASH;
 
 use crate::board::SimBoard;
 use crate::bus::{Adapter, Bus, Station};

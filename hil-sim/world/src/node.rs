@@ -5,13 +5,14 @@ mod factory;
 
 use std::collections::VecDeque;
 
+use boot::monitor::Next;
+use boot::storage::Progress;
+use boot::{Chip, Monitor};
 use servo_core::units::Micros;
 use servo_core::{Event, Telemetry};
 use tater_fw::SetError;
 use tater_fw::events::BoardEvent;
-use tater_fw::monitor::Next;
-use tater_fw::storage::Progress;
-use tater_fw::{Analog, Board, Monitor, Tater};
+use tater_fw::{Analog, Board, Tater};
 use tater_wire::{FaultCode, Frame};
 
 use crate::board::SimBoard;

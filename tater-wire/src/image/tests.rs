@@ -1,5 +1,14 @@
 use super::*;
+use crate::map::{Area, Memories};
 use std::{format, string::ToString, vec::Vec};
+
+const RAM: Area = Area { start: 0x2000_0000, len: 20 * 1024 };
+const MAP: Map = Map::new(
+    Memories { flash: Area { start: 0x0800_0000, len: 128 * 1024 }, page: 1024, unit: 2, ram: RAM },
+    16 * 1024,
+    8 * 1024,
+);
+const APPLICATION: Area = MAP.application;
 
 /// An application of `len` bytes with valid vectors and zeros in the reserved ones.
 fn linked(len: usize) -> Vec<u8> {
@@ -18,7 +27,7 @@ fn put(image: &mut [u8], at: u32, word: u32) {
 
 fn sealed(len: usize) -> Vec<u8> {
     let mut image = linked(len);
-    seal(&mut image, 600).expect("it can be sealed");
+    seal(&mut image, 600, &MAP).expect("it can be sealed");
     image
 }
 
@@ -26,9 +35,9 @@ fn sealed(len: usize) -> Vec<u8> {
 fn sealed_image_verifies_and_differs_only_in_its_header() {
     for len in [48, 52, 4096, APPLICATION.len as usize] {
         let mut image = linked(len);
-        let header = seal(&mut image, 0x1234_5678).expect("it can be sealed");
-        assert_eq!(Header::verify(&image), Ok(header));
-        assert_eq!(Header::read(&image[..HEADER_END as usize]), Ok(header));
+        let header = seal(&mut image, 0x1234_5678, &MAP).expect("it can be sealed");
+        assert_eq!(Header::verify(&image, &MAP), Ok(header));
+        assert_eq!(Header::read(&image[..HEADER_END as usize], &MAP), Ok(header));
         assert_eq!((header.len as usize, header.version), (len, 0x1234_5678));
         assert_eq!(&image[0x1C..0x20], b"TatR");
         assert_eq!(image[..0x1C], linked(len)[..0x1C]);
@@ -45,7 +54,7 @@ fn crc_matches_zip() {
 
     // The CRC word counts as erased flash, in pieces of any size.
     let mut image = sealed(512);
-    let header = Header::verify(&image).expect("it is sealed");
+    let header = Header::verify(&image, &MAP).expect("it is sealed");
     for piece in [1, 3, 37, 512] {
         let mut summer = Summer::default();
         image.chunks(piece).for_each(|bytes| summer.update(bytes));
@@ -61,20 +70,20 @@ fn every_changed_bit_is_detected() {
     for bit in 0..image.len() * 8 {
         let mut changed = image.clone();
         changed[bit / 8] ^= 1 << (bit % 8);
-        assert!(Header::verify(&changed).is_err(), "bit {bit}");
+        assert!(Header::verify(&changed, &MAP).is_err(), "bit {bit}");
     }
 }
 
 #[test]
 fn sealing_again_replaces_the_header_and_nothing_else() {
     let mut image = sealed(100);
-    seal(&mut image, 601).expect("a header may be replaced");
-    assert_eq!(Header::verify(&image).map(|header| header.version), Ok(601));
+    seal(&mut image, 601, &MAP).expect("a header may be replaced");
+    assert_eq!(Header::verify(&image, &MAP).map(|header| header.version), Ok(601));
     let mut erased = linked(100);
     for at in (0x1C..HEADER_END).step_by(4) {
         put(&mut erased, at, u32::MAX);
     }
-    seal(&mut erased, 601).expect("erased vectors are free");
+    seal(&mut erased, 601, &MAP).expect("erased vectors are free");
     assert_eq!(erased, image);
 }
 
@@ -85,21 +94,32 @@ fn invalid_lengths_are_refused() {
         let mut image = linked(len.max(48));
         image.truncate(len);
         let found = len as u32;
-        assert_eq!(seal(&mut image, 1), Err(ImageError::Length { found }), "{len}");
+        assert_eq!(
+            seal(&mut image, 1, &MAP),
+            Err(ImageError::Length { found, most: APPLICATION.len }),
+            "{len}"
+        );
     }
     for len in [0, 0x1C, 0x2B] {
         let found = len as u32;
-        assert_eq!(Header::read(&sealed(48)[..len]), Err(ImageError::Length { found }), "{len}");
+        assert_eq!(
+            Header::read(&sealed(48)[..len], &MAP),
+            Err(ImageError::Length { found, most: APPLICATION.len }),
+            "{len}"
+        );
     }
     for found in [0, 0x28, 49, APPLICATION.len + 4, u32::MAX - 3] {
         let mut image = sealed(48);
         put(&mut image, LEN_AT, found);
-        assert_eq!(Header::read(&image), Err(ImageError::Length { found }));
+        assert_eq!(Header::read(&image, &MAP), Err(ImageError::Length { found, most: APPLICATION.len }));
     }
     let image = sealed(100);
-    assert_eq!(Header::verify(&image[..96]), Err(ImageError::Length { found: 96 }));
+    assert_eq!(
+        Header::verify(&image[..96], &MAP),
+        Err(ImageError::Length { found: 96, most: APPLICATION.len })
+    );
     let longer = [&image[..], &[0xFF; 4]].concat();
-    assert_eq!(Header::verify(&longer), Err(ImageError::Length { found: 104 }));
+    assert_eq!(Header::verify(&longer, &MAP), Err(ImageError::Length { found: 104, most: APPLICATION.len }));
 }
 
 #[test]
@@ -117,9 +137,9 @@ fn invalid_stack_pointers_are_refused() {
         let (mut image, mut signed) = (linked(100), sealed(100));
         put(&mut image, 0, found);
         put(&mut signed, 0, found);
-        let error = ImageError::Stack { found };
-        assert_eq!(seal(&mut image, 1).err(), (!good).then_some(error), "{found:#x}");
-        assert_eq!(Header::read(&signed).err(), (!good).then_some(error), "{found:#x}");
+        let error = ImageError::Stack { found, end: RAM.end() };
+        assert_eq!(seal(&mut image, 1, &MAP).err(), (!good).then_some(error), "{found:#x}");
+        assert_eq!(Header::read(&signed, &MAP).err(), (!good).then_some(error), "{found:#x}");
     }
 }
 
@@ -140,17 +160,17 @@ fn invalid_reset_vectors_are_refused() {
         put(&mut image, 4, found);
         put(&mut signed, 4, found);
         let error = ImageError::Reset { found };
-        assert_eq!(seal(&mut image, 1).err(), (!good).then_some(error), "{found:#x}");
-        assert_eq!(Header::read(&signed).err(), (!good).then_some(error), "{found:#x}");
+        assert_eq!(seal(&mut image, 1, &MAP).err(), (!good).then_some(error), "{found:#x}");
+        assert_eq!(Header::read(&signed, &MAP).err(), (!good).then_some(error), "{found:#x}");
     }
 }
 
 #[test]
 fn image_without_a_header_is_unsealed() {
-    assert_eq!(Header::verify(&linked(100)), Err(ImageError::Unsealed));
-    assert_eq!(Header::verify(&[0xFF; 100]), Err(ImageError::Unsealed));
+    assert_eq!(Header::verify(&linked(100), &MAP), Err(ImageError::Unsealed));
+    assert_eq!(Header::verify(&[0xFF; 100], &MAP), Err(ImageError::Unsealed));
     // The magic is checked before the vectors: erased flash is unsealed, whatever its stack pointer.
-    assert_eq!(Header::read(&[0; HEADER_END as usize]), Err(ImageError::Unsealed));
+    assert_eq!(Header::read(&[0; HEADER_END as usize], &MAP), Err(ImageError::Unsealed));
 }
 
 #[test]
@@ -159,7 +179,7 @@ fn reserved_vectors_in_use_are_not_overwritten() {
         let mut image = linked(100);
         put(&mut image, at, 0x0800_4101);
         let before = image.clone();
-        assert_eq!(seal(&mut image, 1), Err(ImageError::Reserved), "{at:#x}");
+        assert_eq!(seal(&mut image, 1, &MAP), Err(ImageError::Reserved), "{at:#x}");
         assert_eq!(image, before);
     }
 }
@@ -167,23 +187,23 @@ fn reserved_vectors_in_use_are_not_overwritten() {
 #[test]
 fn wrong_crc_error_has_both_values() {
     let mut image = sealed(100);
-    let expected = Header::verify(&image).expect("it is sealed").crc;
+    let expected = Header::verify(&image, &MAP).expect("it is sealed").crc;
     image[99] ^= 0x80;
-    let Err(ImageError::Crc { found, expected: said }) = Header::verify(&image) else {
+    let Err(ImageError::Crc { found, expected: said }) = Header::verify(&image, &MAP) else {
         panic!("a changed byte is a wrong CRC");
     };
     assert_eq!(said, expected);
     assert_ne!(found, expected);
     image[99] ^= 0x80;
     put(&mut image, CRC_AT, found);
-    assert_eq!(Header::verify(&image), Err(ImageError::Crc { found: expected, expected: found }));
+    assert_eq!(Header::verify(&image, &MAP), Err(ImageError::Crc { found: expected, expected: found }));
 }
 
 #[test]
 fn error_texts_have_the_value_found() {
     let rows = [
-        (ImageError::Length { found: 45 }, "45 bytes"),
-        (ImageError::Stack { found: 0x1234 }, "0x00001234"),
+        (ImageError::Length { found: 45, most: APPLICATION.len }, "45 bytes"),
+        (ImageError::Stack { found: 0x1234, end: RAM.end() }, "0x00001234"),
         (ImageError::Reset { found: 0x1234 }, "0x00001234"),
         (ImageError::Unsealed, "not sealed"),
         (ImageError::Reserved, "cannot be sealed"),

@@ -1,9 +1,9 @@
 //! RealTime that ends by an error: the status, the host's remaining bytes, and the state afterwards.
 
+use boot::Chip;
 use hil_world::board::SimBoard;
 use hil_world::plant::Model;
 use hil_world::rig::{RigParams, StuckLine};
-use tater_fw::Board;
 use tater_wire::Property;
 
 use super::super::movement::{config, set, telemetry};

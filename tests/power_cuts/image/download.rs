@@ -1,9 +1,10 @@
 //! Cuts in a download: the erase of staging, its programming, the copy to the application, and the end.
 
 use board_emu::image::Programs;
+use tater_f103::map::{APPLICATION, MAP, STORAGE};
 use tater_wire::download::{Downloader, Next};
 use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, Area, STAGING, STORAGE};
+use tater_wire::map::Area;
 
 use super::super::monitor::rig::{Operation, area};
 use super::{Story, flash_of, initial, is_cut, monitor, start, wake};
@@ -13,7 +14,7 @@ use crate::protocol::download::file;
 /// The same application with another version: the header tells old from new.
 fn newer(programs: &Programs) -> Vec<u8> {
     let mut image = programs.application.clone();
-    seal(&mut image, 999).expect("an application");
+    seal(&mut image, 999, &MAP).expect("an application");
     image
 }
 
@@ -56,7 +57,7 @@ fn cuts(story: &Story) -> Vec<usize> {
             // The application's first start, which the other test covers.
             return None;
         }
-        let last = inside(STAGING) && seen[1] > 0;
+        let last = inside(MAP.staging) && seen[1] > 0;
         let count = &mut seen[usize::from(inside(APPLICATION))];
         *count += 1;
         let each = if erase { 3 } else { EACH };

@@ -1,11 +1,11 @@
 //! Cuts in what the application stores: first preparation, SAVE of one and of all, DEF, an ordered reset.
 
 use board_emu::image::Programs;
+use boot::storage::LOSS;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_fw::storage::LOSS;
+use tater_f103::map::{FLASH, STORAGE};
 use tater_wire::Property;
-use tater_wire::memory::{FLASH, STORAGE};
 
 use super::super::storage::State;
 use super::{Story, flash_of, initial, is_cut, monitor, start, state_of, wait_for, wake};

@@ -1,9 +1,9 @@
 //! Downloads by both hosts: their bus load, and every failure.
 
 use super::rig::{Host, Rig, application, area, data, flash_with, image, line, lines};
+use boot::monitor::Next;
 use hil_world::rig::flash::SimFlash;
-use tater_fw::monitor::Next;
-use tater_wire::memory::{APPLICATION, STAGING};
+use tater_f103::map::{APPLICATION, MAP};
 use tater_wire::{FaultCode, Property};
 
 fn start(rig: &mut Rig) -> Next {
@@ -55,7 +55,7 @@ fn damaged(new: &[u8]) -> Vec<(FaultCode, String, &'static str)> {
     vec![
         (FaultCode::BadChecksum, with(40, wrong), "bad checksum"),
         (FaultCode::BadRecord, with(40, "%4F5000000000\r\n".into()), "a type that there is not"),
-        (FaultCode::AddressRange, with(40, data(STAGING.start, &[1; 32])), "beyond the application"),
+        (FaultCode::AddressRange, with(40, data(MAP.staging.start, &[1; 32])), "beyond the application"),
         (FaultCode::AddressRange, with(40, data(0x0800_0000, &[1; 32])), "the monitor"),
         (FaultCode::Overlap, with(40, overlapping), "overlap"),
         (FaultCode::DownloadTimeout, good[..good.len() - 1].concat(), "no termination"),

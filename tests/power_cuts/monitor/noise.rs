@@ -1,9 +1,9 @@
 //! A million random frames.
 
 use super::rig::{NODE, Rig, area, flash_with, image};
-use tater_fw::monitor::Next;
-use tater_fw::storage::{Progress, Store};
-use tater_wire::memory::APPLICATION;
+use boot::monitor::Next;
+use boot::storage::{Progress, Store};
+use tater_f103::map::APPLICATION;
 use tater_wire::{Frame, Property};
 
 const FRAMES: usize = 1_000_000;

@@ -1,15 +1,14 @@
 //! A monitor on simulated flash, its bus with transmission times, and the hosts at the other end.
 
+use boot::monitor::{Monitor, Next};
+use boot::{Chip, Flash, FlashError};
 use hil_world::rig::flash::SimFlash;
-use servo_core::motor::BoardFigures;
-use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
 use std::collections::VecDeque;
-use tater_fw::monitor::{Monitor, Next};
-use tater_fw::{Analog, Board, Flash, FlashError};
+use tater_f103::map::{APPLICATION, FLASH, MAP, RAM};
 use tater_wire::download::{CHARACTERS, START, START_NUMBERED, pack};
 use tater_wire::image::{HEADER_END, Header, seal};
-use tater_wire::memory::{APPLICATION, Area, FLASH, RAM};
+use tater_wire::map::{Area, Map};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property};
 
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +32,8 @@ pub struct Logged {
 }
 
 impl Flash for Logged {
+    const MAP: Map = MAP;
+
     fn half_word(&self, address: u32) -> u16 {
         self.sim.half_word(address)
     }
@@ -51,22 +52,9 @@ pub struct Bed {
     sent: Vec<Frame>,
 }
 
-impl Board for Bed {
+impl Chip for Bed {
     type Flash = Logged;
-    const FIGURES: BoardFigures = BoardFigures::TATER;
 
-    fn bridge(&mut self, bridge: Bridge) {
-        self.flash.sim.set_bridge_on(bridge != Bridge::Off);
-    }
-    fn brake(&mut self, released: bool) {
-        assert!(!released, "the monitor holds the brake");
-    }
-    fn halls(&self) -> u8 {
-        2
-    }
-    fn analog(&self) -> Analog {
-        Analog::default()
-    }
     fn transmit(&mut self, frame: &Frame) -> bool {
         self.sent.push(*frame);
         true
@@ -76,11 +64,6 @@ impl Board for Bed {
         &mut self.flash
     }
     fn feed_watchdog(&mut self) {}
-    fn feed_tick_watchdog(&mut self) {}
-    fn retained(&self) -> u32 {
-        0
-    }
-    fn retain(&mut self, _: u32) {}
     fn reset(&mut self) {}
     fn reset_cause(&self) -> Option<FaultCode> {
         None
@@ -301,8 +284,8 @@ pub fn area(flash: &SimFlash, area: Area, len: usize) -> &[u8] {
 
 pub fn application(flash: &SimFlash) -> Option<Header> {
     let all = area(flash, APPLICATION, APPLICATION.len as usize);
-    let header = Header::read(all).ok()?;
-    Header::verify(&all[..header.len as usize]).ok()
+    let header = Header::read(all, &MAP).ok()?;
+    Header::verify(&all[..header.len as usize], &MAP).ok()
 }
 
 pub fn image(len: usize, version: u32) -> Vec<u8> {
@@ -317,7 +300,7 @@ pub fn image(len: usize, version: u32) -> Vec<u8> {
     image[..4].copy_from_slice(&RAM.end().to_le_bytes());
     image[4..8].copy_from_slice(&(APPLICATION.start + HEADER_END + 1).to_le_bytes());
     image[0x1C..0x2C].fill(0xFF);
-    seal(&mut image, version).expect("an application's image");
+    seal(&mut image, version, &MAP).expect("an application's image");
     image
 }
 

@@ -3,7 +3,7 @@
 use super::{Counters, LOSS, Progress, Property, SimFlash, Store, scenarios, step, stored};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_wire::memory::{FLASH, PAGE, STORAGE};
+use tater_f103::map::{FLASH, MAP, PAGE, STORAGE};
 
 /// Erase endurance of a page (STM32F103 data sheet, minimum).
 const ENDURANCE: u32 = 10_000;
@@ -11,7 +11,7 @@ const ENDURANCE: u32 = 10_000;
 /// Erases of the most and of the least erased page of the storage.
 fn wear(flash: &SimFlash) -> (u32, u32) {
     let first = ((STORAGE.start - FLASH.start) / PAGE) as usize;
-    let pages = &flash.erases()[first..first + STORAGE.pages() as usize];
+    let pages = &flash.erases()[first..first + MAP.pages(STORAGE) as usize];
     let sorted = pages.iter().copied().collect::<std::collections::BTreeSet<_>>();
     sorted.last().copied().zip(sorted.first().copied()).expect("eight pages")
 }

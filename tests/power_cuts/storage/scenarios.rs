@@ -1,12 +1,12 @@
 //! Activities of a board at the time of a power cut.
 
 use super::script::{Act, run, stored};
+use boot::Flash;
+use boot::storage::{Counters, Store};
 use hil_world::rig::flash::SimFlash;
 use rand::RngExt;
-use tater_fw::Flash;
-use tater_fw::storage::{Counters, Store};
+use tater_f103::map::{MAP, STORAGE};
 use tater_wire::Property;
-use tater_wire::memory::STORAGE;
 
 const FINISH: Act = Act::Steps { most: 3000, bridge_on: false };
 
@@ -32,7 +32,7 @@ pub fn used() -> SimFlash {
 
 fn nearly_full(left: usize) -> SimFlash {
     let (mut flash, mut value) = (used(), 0);
-    let last = STORAGE.page(1) - 2 * (left as u32 + 8);
+    let last = MAP.page(STORAGE, 1) - 2 * (left as u32 + 8);
     while flash.half_word(last) == u16::MAX {
         value += 1;
         flash = after(flash, &[Act::Set(Property::X5, value), FINISH]);

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use boot::storage::{Counters, LOSS, Progress, Store};
 use hil_world::rig::flash::SimFlash;
-use tater_fw::storage::{Counters, LOSS, Progress, Store};
 use tater_wire::Property;
 use tater_wire::property::{ROWS, Stored};
 

@@ -17,9 +17,9 @@ use std::thread;
 use std::time::Duration;
 
 use served::{Cut, Proxy, Served, answer_lines, left};
+use tater_f103::map::{APPLICATION, MAP, RAM};
 use tater_wire::Property;
 use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, RAM};
 use tater_wire::tek::{Encoder, end};
 use wraptor_c::border::WRAPTOR_ENDLESS;
 use wraptor_c::error::wraptor_error;
@@ -114,7 +114,7 @@ fn application() -> CString {
     image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
     // The vectors that hold the header are reserved.
     image[0x1C..0x2C].fill(0);
-    seal(&mut image, 601).expect("an application");
+    seal(&mut image, 601, &MAP).expect("an application");
     let lines = Encoder::new(APPLICATION.start, &image).expect("it fits");
     let mut text: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
     text.extend_from_slice(end(APPLICATION.start).as_bytes());

@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use tater_f103::map::{APPLICATION, MAP, RAM};
 use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, RAM};
 use tater_wire::tek::{Encoder, end as last_line};
 use wraptor::{Deadline, Firmware};
 
@@ -133,7 +133,7 @@ pub fn tek(len: usize, version: u32) -> Vec<u8> {
     image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
     // The vectors that hold the header are reserved.
     image[0x1C..0x2C].fill(0);
-    seal(&mut image, version).expect("an application");
+    seal(&mut image, version, &MAP).expect("an application");
     let lines = Encoder::new(APPLICATION.start, &image).expect("it fits");
     let mut text: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
     text.extend_from_slice(last_line(APPLICATION.start).as_bytes());

@@ -37,7 +37,7 @@ pub const AREAS: [Area; 5] = [
     Area {
         name: "storage",
         package: &["tater-fw"],
-        files: &["tater-fw/src/storage.rs", "tater-fw/src/storage/**"],
+        files: &["boot/src/storage.rs", "boot/src/storage/**"],
         without: &[],
     },
     Area {

@@ -11,7 +11,7 @@ use crate::files;
 use crate::program::{output_of_both, program, root};
 
 /// The crates whose unit tests may find a defect of the firmware.
-pub const TESTED: [&str; 4] = ["servo-core", "tater-wire", "tater-fw", "god"];
+pub const TESTED: [&str; 5] = ["servo-core", "tater-wire", "boot", "tater-fw", "god"];
 
 /// The unit tests of a crate.
 pub struct Tests {

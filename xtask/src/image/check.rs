@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use tater_wire::memory::APPLICATION;
+use tater_f103::map::APPLICATION;
 
 use super::{Profile, build, folder, is_checkout, make};
 use crate::program::{output, program, root, run, target};

@@ -49,7 +49,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
     let flags = flags(checkout, build)?;
     for name in ["monitor", "tater"] {
         let mut cargo = program(&format!(
-            "cargo build --locked --package tater-fw --bin {name} --profile firmware --target {THUMB}"
+            "cargo build --locked --package tater-f103 --bin {name} --profile firmware --target {THUMB}"
         ));
         cargo.current_dir(checkout).arg("--target-dir").arg(build);
         cargo.env_remove("DEFMT_LOG");

@@ -6,7 +6,7 @@ use std::path::Path;
 use object::elf::{SHF_ALLOC, SHF_EXECINSTR, SHT_NOBITS};
 use object::read::elf::ElfFile32;
 use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SymbolKind};
-use tater_wire::memory::RAM;
+use tater_f103::map::RAM;
 
 use crate::{Failure, files};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
-use tater_wire::memory::{APPLICATION, MONITOR};
+use tater_f103::map::{APPLICATION, MONITOR};
 
 use super::crates;
 use super::stack::{Deepest, Worst};
@@ -114,7 +114,7 @@ fn stack_object(worst: &Worst) -> Value {
         .map(|level| json!({ "name": level.name, "pushed_bytes": level.pushed, "deepest": deepest(&level.deepest) }))
         .collect();
     json!({
-        "area_bytes": tater_wire::memory::STACK.len,
+        "area_bytes": tater_f103::map::STACK.len,
         "worst_bytes": worst.bytes(),
         "margin_bytes": worst.margin(),
         "margin_percent": (worst.margin_percent() * 10.0).round() / 10.0,

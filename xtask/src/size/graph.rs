@@ -291,7 +291,7 @@ impl Walk<'_, '_> {
             return Ok(None);
         }
         // Deeper than the RAM: it would grow without end.
-        if both.depth > tater_wire::memory::RAM.len.cast_signed() {
+        if both.depth > tater_f103::map::RAM.len.cast_signed() {
             return Err("found a loop that pushes without end".into());
         }
         self.states.insert(at, both);

@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn application_source_has_all_levels() {
-        let path = crate::program::root().join("tater-fw/src/app.rs");
+        let path = crate::program::root().join("boards/tater-f103/src/app.rs");
         let tasks = tasks(&std::fs::read_to_string(path).unwrap()).unwrap();
         let levels: std::collections::BTreeSet<u32> = tasks.iter().map(|task| task.priority).collect();
         assert_eq!(levels.into_iter().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);

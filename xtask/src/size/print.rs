@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use tater_wire::memory::STACK;
+use tater_f103::map::STACK;
 
 use super::stack::Worst;
 use super::{Figures, LIMITS};

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
-use tater_wire::memory::STACK;
+use tater_f103::map::STACK;
 
 use super::elf::{Program, plain};
 use super::graph::{Callee, Graph, Ways};
@@ -147,7 +147,7 @@ fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32
         _ if names.contains(&"DefaultHandler") => Ok((u32::MAX - 2, "unbound".into())),
         (_, Some(task)) => Ok((task.priority, format!("priority {}", task.priority))),
         _ => Err(format!(
-            "found vector {number} with handler {}, expected one of the tasks of tater-fw/src/app.rs",
+            "found vector {number} with handler {}, expected one of the tasks of boards/tater-f103/src/app.rs",
             names.first().map_or_else(|| format!("{at:#010x}"), |name| plain(name))
         )),
     }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use tater_f103::map::APPLICATION;
 use tater_wire::image::Header;
-use tater_wire::memory::APPLICATION;
 use wraptor::FirmwareError;
 use wraptor::firmware::Contents;
 

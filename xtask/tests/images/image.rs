@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::{Value, json};
+use tater_f103::map::MAP;
 use tater_wire::image::{Crc32, Header};
 
 use super::{Bench, elf};
@@ -64,7 +65,7 @@ fn image_json_describes_the_files() {
     assert_eq!(entries.count(), names.len() + 1, "the files that are told, and image.json");
 
     let flat = read("tater.bin");
-    let header = Header::verify(&flat).expect("sealed");
+    let header = Header::verify(&flat, &MAP).expect("sealed");
     let application = json!({
         "address": "0x08004000", "bytes": flat.len(), "room": 0xD000, "crc32": format!("{:#010x}", header.crc),
     });

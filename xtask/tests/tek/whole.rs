@@ -33,7 +33,7 @@ fn sealed_image_is_verified() {
 
     assert_eq!(tek(&["decode", &file, "-o", &scratch.path("out.bin")]).code, Some(0));
     let image = scratch.get("out.bin");
-    let header = tater_wire::image::Header::verify(&image).expect("it is sealed");
+    let header = tater_wire::image::Header::verify(&image, &tater_f103::map::MAP).expect("it is sealed");
     assert_eq!(crc, Some(format!("{:08x}", header.crc).as_str()));
     assert_eq!((header.len, header.version), (104, 601));
     assert_eq!(image[0x2C..101], application(101)[0x2C..]);

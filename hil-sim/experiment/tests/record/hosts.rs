@@ -15,7 +15,7 @@ use hil_world::hand::Hand;
 use hil_world::hand::scene::Pose;
 use hil_world::node::Node;
 use hil_world::plant::Model;
-use tater_wire::memory::APPLICATION;
+use tater_f103::map::APPLICATION;
 use tater_wire::tek::{Encoder, end};
 
 fn typed() -> Record {

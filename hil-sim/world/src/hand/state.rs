@@ -6,7 +6,7 @@
 
 use flate2::Crc;
 use god::memory::Stored;
-use tater_wire::memory::{FLASH, PAGE};
+use tater_f103::map::{FLASH, PAGE};
 
 /// File type and version.
 const MAGIC: &[u8] = b"hil-sim hand, state 1\n";

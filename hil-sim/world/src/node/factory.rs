@@ -1,9 +1,9 @@
 //! A board as it leaves the factory: an application in its flash, its storage prepared.
 
-use tater_fw::Board;
-use tater_fw::storage::{Progress, Store};
+use boot::Chip;
+use boot::storage::{Progress, Store};
+use tater_f103::map::{APPLICATION, FLASH, MAP, RAM, STORAGE};
 use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, FLASH, RAM, STORAGE};
 use tater_wire::{MotorKind, Property};
 
 use crate::board::SimBoard;
@@ -17,7 +17,7 @@ pub fn placeholder_application() -> Vec<u8> {
     image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
     let version = tater_wire::Property::VERS.row().max as u32;
     // `seal` fails only on an invalid length or vector table.
-    let _ = seal(&mut image, version);
+    let _ = seal(&mut image, version, &MAP);
     image
 }
 

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use boot::{Flash, FlashError};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_fw::{Flash, FlashError};
-use tater_wire::memory::{FLASH, PAGE, STORAGE};
+use tater_f103::map::{FLASH, MAP, PAGE, STORAGE};
+use tater_wire::map::Map;
 
 /// Programming a half-word, µs (STM32F103 data sheet: 40 to 70, typically 52.5).
 const PROGRAM_US: u64 = 53;
@@ -62,7 +63,7 @@ impl Default for SimFlash {
             damaged: false,
             page_in_use: 0,
             busy_us: 0,
-            erases: vec![0; FLASH.pages() as usize],
+            erases: vec![0; MAP.pages(FLASH) as usize],
             bridge_on: false,
             erased_while_driven: 0,
         }
@@ -209,6 +210,8 @@ impl SimFlash {
 }
 
 impl Flash for SimFlash {
+    const MAP: Map = MAP;
+
     fn half_word(&self, address: u32) -> u16 {
         let at = address.wrapping_sub(FLASH.start) as usize;
         let read = self
@@ -312,8 +315,10 @@ mod tests {
     #[test]
     fn page_in_use_is_of_the_storage() {
         let mut flash = SimFlash::default();
-        let page = STORAGE.page(3);
-        for (address, value) in [(page + 2, 1), (STORAGE.page(4), 1), (STORAGE.page(5) + 2, 0), (AT + 2, 1)] {
+        let page = MAP.page(STORAGE, 3);
+        for (address, value) in
+            [(page + 2, 1), (MAP.page(STORAGE, 4), 1), (MAP.page(STORAGE, 5) + 2, 0), (AT + 2, 1)]
+        {
             assert_eq!(flash.program(address, value), Ok(()));
             assert_eq!(flash.page_in_use(), page, "{address:x} {value}");
         }

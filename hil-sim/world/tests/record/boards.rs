@@ -8,7 +8,7 @@ use hil_world::bus::{Adapter, Bus, Noise};
 use hil_world::node::{Node, store};
 use hil_world::plant::Model;
 use hil_world::rig::{Object, RigParams, Side};
-use tater_wire::memory::STORAGE;
+use tater_f103::map::STORAGE;
 use tater_wire::{Cmd, Destination, Frame, Group, Identifier, Message, MotorKind, Property};
 
 fn id(number: u8) -> tater_wire::Node {
@@ -146,7 +146,7 @@ fn bad_boards() -> Record {
     let bus = &mut bus(&[3, 4, 7], Model::Averaged);
     for index in 0..3 {
         let flash = bus.station_mut(index).expect("a board").board_mut();
-        store(tater_fw::Board::flash(flash), Property::MV, 50);
+        store(boot::Chip::flash(flash), Property::MV, 50);
     }
     set(bus, Destination::Group(Group::ALL), Property::STAT, 2);
     watch(&mut record, "waking", bus, 60);
@@ -166,9 +166,9 @@ fn bad_boards() -> Record {
     set(bus, to(3), Property::MV, 70);
     set(bus, to(3), Property::SAVE, i64::from(Property::MV as u8));
     watch(&mut record, "power again, stored", bus, 200);
-    board(bus, 0, &|node| tater_fw::Board::flash(node.board_mut()).cut_at(40, 8));
+    board(bus, 0, &|node| boot::Chip::flash(node.board_mut()).cut_at(40, 8));
     board(bus, 1, &|node| {
-        let flash = tater_fw::Board::flash(node.board_mut());
+        let flash = boot::Chip::flash(node.board_mut());
         flash.flip(STORAGE.start + 20, 3);
         flash.weaken(STORAGE.start + 24, 0x00F0);
         flash.set_worn_pages(1);

@@ -1,5 +1,7 @@
 //! A fake motor board, and a bench that runs a [`Tater`] on it and exchanges frames with it.
 
+use boot::storage::{Progress, Store};
+use boot::{Chip, Flash, FlashError};
 use servo_core::Drive;
 use servo_core::mode::Mode;
 use servo_core::motor::BoardFigures;
@@ -7,14 +9,17 @@ use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, Micros, MilliAmps, MilliVolts};
 use std::vec::Vec;
 use tater_fw::SetError;
-use tater_fw::storage::{Progress, Store};
 use tater_fw::tater::heat::COLD;
-use tater_fw::{Analog, Board, Flash, FlashError, Tater};
-use tater_wire::memory::{FLASH, PAGE};
+use tater_fw::{Analog, Board, Tater};
+use tater_wire::map::{Area, Map, Memories};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
 /// Hall codes of sectors 0 to 5 (decision 0003).
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
+
+const FLASH: Area = Area { start: 0x0800_0000, len: 128 * 1024 };
+const PAGE: u32 = 1024;
+const RAM: Area = Area { start: 0x2000_0000, len: 20 * 1024 };
 
 pub const SERIAL: u16 = 12_345;
 
@@ -30,6 +35,8 @@ pub struct FakeFlash {
 }
 
 impl Flash for FakeFlash {
+    const MAP: Map = Map::new(Memories { flash: FLASH, page: PAGE, unit: 2, ram: RAM }, 16 * 1024, 8 * 1024);
+
     fn half_word(&self, address: u32) -> u16 {
         let index = address.wrapping_sub(FLASH.start) as usize / 2;
         self.words.get(index).copied().unwrap_or(u16::MAX)
@@ -142,29 +149,8 @@ impl FakeBoard {
     }
 }
 
-impl Board for FakeBoard {
+impl Chip for FakeBoard {
     type Flash = FakeFlash;
-    const FIGURES: BoardFigures = BoardFigures::TATER;
-
-    fn bridge(&mut self, bridge: Bridge) {
-        self.bridge = bridge;
-        self.flash.driven = bridge != Bridge::Off;
-        if self.flash.driven && self.operations_at_drive.is_none() {
-            self.operations_at_drive = Some(self.flash.operations);
-        }
-    }
-
-    fn brake(&mut self, released: bool) {
-        self.brake_released = released;
-    }
-
-    fn halls(&self) -> u8 {
-        self.halls
-    }
-
-    fn analog(&self) -> Analog {
-        self.analog
-    }
 
     fn transmit(&mut self, frame: &Frame) -> bool {
         if self.room == 0 {
@@ -187,18 +173,6 @@ impl Board for FakeBoard {
         self.feeds += 1;
     }
 
-    fn feed_tick_watchdog(&mut self) {
-        self.tick_feeds += 1;
-    }
-
-    fn retained(&self) -> u32 {
-        self.retained
-    }
-
-    fn retain(&mut self, word: u32) {
-        self.retained = word;
-    }
-
     fn reset(&mut self) {
         self.sent_at_reset = self.sent.len();
         self.resets.push((self.bridge != Bridge::Off, self.brake_released));
@@ -214,6 +188,42 @@ impl Board for FakeBoard {
 
     fn serial_number(&self) -> u16 {
         SERIAL
+    }
+}
+
+impl Board for FakeBoard {
+    const FIGURES: BoardFigures = BoardFigures::TATER;
+
+    fn bridge(&mut self, bridge: Bridge) {
+        self.bridge = bridge;
+        self.flash.driven = bridge != Bridge::Off;
+        if self.flash.driven && self.operations_at_drive.is_none() {
+            self.operations_at_drive = Some(self.flash.operations);
+        }
+    }
+
+    fn brake(&mut self, released: bool) {
+        self.brake_released = released;
+    }
+
+    fn halls(&self) -> u8 {
+        self.halls
+    }
+
+    fn analog(&self) -> Analog {
+        self.analog
+    }
+
+    fn feed_tick_watchdog(&mut self) {
+        self.tick_feeds += 1;
+    }
+
+    fn retained(&self) -> u32 {
+        self.retained
+    }
+
+    fn retain(&mut self, word: u32) {
+        self.retained = word;
     }
 }
 

@@ -361,9 +361,9 @@ fn stored_targets_are_moved_to_the_goals() {
 #[test]
 fn target_that_an_older_firmware_has_stored_is_moved_to_the_goals() {
     let mut board = FakeBoard::new(4);
-    let mut store = crate::storage::Store::open(&board.flash);
+    let mut store = boot::storage::Store::open(&board.flash);
     store.set(Property::CT, 750);
-    while store.step(&mut board.flash, true) != crate::storage::Progress::Done {}
+    while store.step(&mut board.flash, true) != boot::storage::Progress::Done {}
     let mut bench = Bench::on(board, 0);
     assert_eq!(bench.get(Property::CT), Some(174));
     bench.set(Property::CT, 20).expect("in range");

@@ -4,7 +4,7 @@
 use super::board::Bench;
 use crate::SetError;
 use crate::codes::fault_code;
-use crate::storage::Progress;
+use boot::storage::Progress;
 use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;

@@ -1,0 +1,60 @@
+//! Writes the linker scripts of the two programs from the memory map.
+
+#[path = "src/map.rs"]
+#[allow(dead_code, reason = "the programs use all of it")]
+mod map;
+
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+use map::{APPLICATION, HEAT, KEPT, MONITOR, STACK, STATICS};
+use tater_wire::map::Area;
+
+/// Port B's BRR (RM0008 9.2.6): pin 5 low engages the brake.
+const SAFE: [u32; 2] = [0x4001_0C14, 1 << 5];
+
+/// The stack lies below the variables: one that overflows leaves the RAM, which is a fault, and overwrites nothing.
+fn script(flash: Area) -> String {
+    let Area { start, len } = flash;
+    format!(
+        "MEMORY\n{{\n  FLASH : ORIGIN = {start:#010x}, LENGTH = {len:#x}\n  RAM : ORIGIN = {:#010x}, LENGTH = {:#x}\n}}\n\
+         _stack_start = {:#010x};\n_stack_end = {:#010x};\n_kept = {:#010x};\n_heat = {:#010x};\n\
+         _safe_register = {:#010x};\n_safe_value = {:#x};\n",
+        STATICS.start,
+        STATICS.len,
+        STACK.end(),
+        STACK.start,
+        KEPT.start,
+        HEAT.start,
+        SAFE[0],
+        SAFE[1],
+    )
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=src/map.rs");
+    if env::var("CARGO_CFG_TARGET_OS")? != "none" {
+        return Ok(());
+    }
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    for (program, flash) in [("tater", APPLICATION), ("monitor", MONITOR)] {
+        let folder = out.join(program);
+        fs::create_dir_all(&folder)?;
+        fs::write(folder.join("memory.x"), script(flash))?;
+        link(program, &folder);
+    }
+    Ok(())
+}
+
+fn link(program: &str, folder: &Path) {
+    let argument = |text: &str| println!("cargo::rustc-link-arg-bin={program}={text}");
+    argument(&format!("-L{}", folder.display()));
+    argument("-Tlink.x");
+    // Nothing is aligned to pages of 64 KiB: the linker would load its ELF header into the room before the application,
+    // which is the monitor.
+    argument("--nmagic");
+    if program == "tater" && env::var_os("CARGO_FEATURE_LOG").is_some() {
+        argument("-Tdefmt.x");
+    }
+}
