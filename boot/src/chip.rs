@@ -41,9 +41,9 @@ pub trait Chip {
 pub enum FlashError {
     /// Read-back differs from what was written.
     Verify,
-    /// The half-word was neither erased nor programmed to 0.
+    /// The unit was neither erased nor programmed to 0.
     NotErased,
-    /// The address is odd, not the start of a page, or outside the flash.
+    /// The address is not the start of a unit or of a page, or outside the flash.
     Address,
     /// The power failed, or the hardware reported an error.
     Failed,
@@ -58,11 +58,15 @@ impl NorFlashError for FlashError {
     }
 }
 
-/// Flash like an STM32F103's: pages of 1 KiB are erased to ones, half-words are programmed once each; only 0 may overwrite
-/// anything. The processor stalls meanwhile, 52 µs for a half-word and 20 to 40 ms for a page, so pages are erased only with
+/// Flash as microcontrollers have it: pages are erased to ones, units of [`Memories::unit`](tater_wire::map::Memories::unit) bytes
+/// are programmed once each; only 0 may overwrite anything. `docs/porting.md` says what a port promises, and
+/// [`conformance`](crate::conformance) tests it.
+///
+/// The processor may stall meanwhile: on an STM32F103 52 µs for a unit and 20 to 40 ms for a page, so pages are erased only with
 /// the bridge off.
 ///
-/// If the power fails during an operation, a half-word may lack any of its zeros, and a page may hold anything.
+/// If the power fails during an operation, a unit may lack any of its zeros, or read as 0 where the chip finds it damaged (error
+/// correction); a page may hold anything.
 pub trait Flash {
     /// The board's memory map.
     const MAP: Map;
@@ -70,15 +74,35 @@ pub trait Flash {
     /// The half-word at an even address; all ones outside the flash.
     fn half_word(&self, address: u32) -> u16;
 
-    /// Programs a half-word and reads it back.
+    /// Programs a unit of half-words at its first address, and reads it back.
     ///
     /// # Errors
     /// The operation failed.
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError>;
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError>;
 
     /// Erases the page that starts at an address, and reads it back.
     ///
     /// # Errors
     /// The operation failed.
     fn erase(&mut self, page: u32) -> Result<(), FlashError>;
+}
+
+/// Half-words of the longest unit.
+pub(crate) const MOST_UNIT: usize = 8;
+
+/// Half-words of a unit.
+pub(crate) const fn unit<F: Flash>() -> usize {
+    F::MAP.of.unit_words()
+}
+
+/// Programs a unit that begins with a half-word; the rest stays erased.
+pub(crate) fn put<F: Flash>(flash: &mut F, address: u32, word: u16) -> Result<(), FlashError> {
+    let mut words = [u16::MAX; MOST_UNIT];
+    words[0] = word;
+    flash.program(address, words.get(..unit::<F>()).unwrap_or_default())
+}
+
+/// Programs a unit to 0, whatever it holds.
+pub(crate) fn void<F: Flash>(flash: &mut F, address: u32) -> Result<(), FlashError> {
+    flash.program(address, [0; MOST_UNIT].get(..unit::<F>()).unwrap_or_default())
 }

@@ -22,6 +22,7 @@
 extern crate std;
 
 pub mod chip;
+pub mod conformance;
 pub mod identity;
 pub mod lock;
 pub mod monitor;

@@ -14,7 +14,7 @@ mod locked;
 #[cfg(test)]
 mod tests;
 
-use crate::chip::{Chip, Flash};
+use crate::chip::{self, Chip, Flash};
 use crate::identity::{self, Identifying};
 use crate::storage::{Progress, Store};
 use check::Check;
@@ -25,6 +25,7 @@ use locked::Locked;
 use servo_core::units::Micros;
 use tater_wire::download::{START, START_NUMBERED};
 use tater_wire::image::MAGIC_AT;
+use tater_wire::map::Map;
 use tater_wire::property::Rules;
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, MotorKind, Node, Property, Value};
 
@@ -371,10 +372,10 @@ impl<B: Chip> Monitor<B> {
     /// Makes staging invalid: 0 may be programmed over any value.
     fn forget(&mut self, now: Micros) {
         let flash = self.board.flash();
-        let magic = B::Flash::MAP.staging.start + MAGIC_AT;
-        let magic = [magic, magic + 2];
+        let Map { of, staging, .. } = B::Flash::MAP;
+        let magic = [staging.start + MAGIC_AT, staging.start + MAGIC_AT + 2];
         if let Some(&address) = magic.iter().find(|&&address| flash.half_word(address) != 0)
-            && flash.program(address, 0).is_ok()
+            && chip::void(flash, address - address % of.unit).is_ok()
         {
             return;
         }

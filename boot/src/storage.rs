@@ -61,10 +61,10 @@ mod record;
 mod values;
 mod word;
 
-use crate::chip::{Flash, FlashError};
+use crate::chip::{self, Flash, FlashError, MOST_UNIT};
 use heapless::Vec;
 use numbers::Numbers;
-use pages::{FIRST, Page, Pages, words};
+use pages::{Page, Pages, first, units, words};
 use record::{Found, Head, MOST_WORDS, TAIL, halves};
 use tater_wire::Property;
 use tater_wire::image::Crc32;
@@ -158,13 +158,24 @@ pub struct Writing {
 
 impl Writing {
     /// The half-word after it and its mark.
-    fn end(&self) -> usize {
-        self.at + self.len + usize::from(self.head.trusted.is_some())
+    fn end<F: Flash>(&self) -> usize {
+        self.at + units::<F>(self.len) + units::<F>(usize::from(self.head.trusted.is_some()))
+    }
+
+    /// Its half-word at a place: the next before the CRC, or one of the CRC.
+    fn word(&mut self, next: Option<u16>, at: usize) -> u16 {
+        let Some(word) = next else {
+            let [low, high] = halves(self.crc.finish());
+            return if at < self.len - 1 { low } else { high };
+        };
+        self.crc.update(&word.to_le_bytes());
+        word
     }
 
     /// The address of its mark, if it has one that says trusted.
     pub fn mark<F: Flash>(&self) -> Option<u32> {
-        (self.live && self.head.trusted.is_some()).then(|| self.page.address::<F>(self.at + self.len))
+        (self.live && self.head.trusted.is_some())
+            .then(|| self.page.address::<F>(self.at + units::<F>(self.len)))
     }
 }
 
@@ -225,7 +236,7 @@ impl Store {
     /// [`Self::open`], for an empty one. Inlined it is 200 bytes more of the monitor's flash.
     #[inline(never)]
     fn read<F: Flash>(&mut self, flash: &F) {
-        let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
+        let complete = |page| Found::read(flash, page, first::<F>()).filter(|record| record.head.complete);
         self.pages.survey(flash, |page| complete(page).map(|record| record.head.sequence));
         if let Some(page) = self.pages.previous() {
             // Only for its mark, which a power cut may have left: the next page's complete record holds everything else.
@@ -257,7 +268,8 @@ impl Store {
     /// the middle of a record.
     #[must_use]
     pub fn is_damaged<F: Flash>(&self, flash: &F) -> bool {
-        let complete = |page| Found::read(flash, page, FIRST).is_some_and(|record| record.head.complete);
+        let complete =
+            |page| Found::read(flash, page, first::<F>()).is_some_and(|record| record.head.complete);
         self.pages.has_void(flash, self.sequence, complete)
     }
 
@@ -344,19 +356,19 @@ impl Store {
         self.trusted = None;
         if let Some(mark) = self.obsolete.take() {
             // A later record overrides it, so this may fail.
-            let _ = flash.program(mark, 0);
+            let _ = chip::void(flash, mark);
         }
         if let Some(writing) = &mut self.writing
             && let Some(mark) = writing.mark::<F>()
         {
-            match flash.program(mark, 0) {
+            match chip::void(flash, mark) {
                 Ok(()) => writing.live = false,
                 // The mark would still be valid: the record must not be completed.
                 Err(_) => self.abandon::<F>(),
             }
         }
         if let Some(mark) = self.live {
-            flash.program(mark, 0).inspect_err(|_| self.changed.insert(Property::P.id()))?;
+            chip::void(flash, mark).inspect_err(|_| self.changed.insert(Property::P.id()))?;
             self.live = None;
         }
         Ok(())
@@ -414,20 +426,20 @@ impl Store {
 
     /// Replays a page; returns where its contents end.
     fn replay<F: Flash>(&mut self, flash: &F, page: Page) -> usize {
-        let mut at = FIRST;
+        let mut at = first::<F>();
         // Every item is at least a half-word long.
         while at < words::<F>() {
             let Some(word) = Word::decode(page.read(flash, at)) else { break };
             if let Word::Record(_) = word {
                 let next = self.sequence.wrapping_add(1);
-                let follows = |found: &Found| at == FIRST || found.head.sequence == next;
+                let follows = |found: &Found| at == first::<F>() || found.head.sequence == next;
                 let Some(found) = Found::read(flash, page, at).filter(follows) else { break };
                 self.take(flash, &found);
-                at = found.end();
+                at = found.end::<F>();
             } else {
                 self.counters = grown(self.counters, word);
                 self.hot = word.hot_mark().unwrap_or(self.hot);
-                at += 1;
+                at += first::<F>();
             }
         }
         at
@@ -473,20 +485,24 @@ impl Store {
         if self.writing.is_some() {
             self.proceed(flash)?;
         } else if let Some(mark) = self.obsolete.take() {
-            flash.program(mark, 0)?;
+            chip::void(flash, mark)?;
         } else if self.pages.mark(flash)? {
         } else if let Some(word) = self.mark_due() {
-            let Some((page, at)) = self.pages.room::<F>(1) else { return self.begin(flash, may_erase) };
+            let Some((page, at)) = self.pages.room::<F>(first::<F>()) else {
+                return self.begin(flash, may_erase);
+            };
             self.stored_hot = None;
-            flash.program(page.address::<F>(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
-            self.pages.add(1);
+            chip::put(flash, page.address::<F>(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
+            self.pages.add(first::<F>());
             self.stored_hot = Some(self.hot);
         } else if !self.changed.is_empty() {
             return self.begin(flash, may_erase);
         } else if let Some(word) = self.due() {
-            let Some((page, at)) = self.pages.room::<F>(1) else { return self.begin(flash, may_erase) };
-            flash.program(page.address::<F>(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
-            self.pages.add(1);
+            let Some((page, at)) = self.pages.room::<F>(first::<F>()) else {
+                return self.begin(flash, may_erase);
+            };
+            chip::put(flash, page.address::<F>(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
+            self.pages.add(first::<F>());
             self.stored_counters = grown(self.stored_counters, word);
         } else if self.counters_due {
             self.counters_due = false;
@@ -526,9 +542,9 @@ impl Store {
 
     /// Builds a record for the next steps to write: of the changes, if the page has room, else of everything, in the next page.
     fn begin<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
-        let complete = self.pages.room::<F>(1).is_none();
+        let complete = self.pages.room::<F>(first::<F>()).is_none();
         let head = self.record(complete);
-        let len = self.words.len() + TAIL + usize::from(head.trusted.is_some());
+        let len = units::<F>(self.words.len() + TAIL) + units::<F>(usize::from(head.trusted.is_some()));
         let (page, at) = if let Some(place) = self.pages.room::<F>(len) {
             place
         } else if !complete {
@@ -536,7 +552,7 @@ impl Store {
             self.pages.close();
             return Ok(Progress::More);
         } else if let Some(page) = self.pages.take_ready() {
-            (page, FIRST)
+            (page, first::<F>())
         } else {
             let Some(page) = self.pages.last_resort() else { return Err(FlashError::Failed) };
             if !may_erase {
@@ -580,28 +596,24 @@ impl Store {
         head
     }
 
-    /// Programs the next half-word; with the last one the record counts as stored.
+    /// Programs the next unit; with the last one the record counts as stored.
     fn proceed<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         let Some(writing) = &mut self.writing else { return Ok(()) };
-        let [low, high] = halves(writing.crc.finish());
-        let word = match self.words.get(writing.done) {
-            Some(&word) => {
-                writing.crc.update(&word.to_le_bytes());
-                word
-            }
-            None if writing.done < writing.len - 1 => low,
-            None => high,
-        };
+        let mut unit = [u16::MAX; MOST_UNIT];
+        let unit = unit.get_mut(..chip::unit::<F>()).unwrap_or_default();
+        for (at, place) in (writing.done..writing.len).zip(&mut *unit) {
+            *place = writing.word(self.words.get(at).copied(), at);
+        }
         let address = writing.page.address::<F>(writing.at + writing.done);
-        if let Err(error) = flash.program(address, word) {
+        if let Err(error) = flash.program(address, unit) {
             self.abandon::<F>();
             return Err(error);
         }
-        writing.done += 1;
+        writing.done += unit.len();
         if writing.done < writing.len {
             return Ok(());
         }
-        let (head, end) = (writing.head, writing.end());
+        let (head, end) = (writing.head, writing.end::<F>());
         if head.complete {
             self.stored_hot = Some(writing.hot);
             self.pages.turn(writing.page, end);

@@ -157,7 +157,8 @@ impl<B: Mapped> Flash for Metal<B> {
         unsafe { core::ptr::read_volatile(pointer(address)) }
     }
 
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
+        let &[value] = unit else { return Err(FlashError::Address) };
         self.write(address.wrapping_sub(B::MAP.of.flash.start), &value.to_le_bytes())
     }
 

@@ -51,6 +51,12 @@ impl Memories {
     pub const fn page_words(self) -> usize {
         self.page as usize / 2
     }
+
+    /// Half-words of a unit.
+    #[must_use]
+    pub const fn unit_words(self) -> usize {
+        self.unit as usize / 2
+    }
 }
 
 /// A board's memory map: flash and RAM, filled without gaps in the order of the fields.

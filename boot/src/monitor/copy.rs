@@ -1,7 +1,7 @@
 //! Copies staging to the application, page by page. Progress is not stored: after a power failure the whole
 //! copy is repeated, because a page in which the power failed may read correctly today and not tomorrow.
 
-use crate::chip::{Flash, FlashError};
+use crate::chip::{Flash, FlashError, MOST_UNIT, unit};
 use tater_wire::map::Map;
 
 #[derive(Debug)]
@@ -28,9 +28,15 @@ impl Copy {
             self.erased = true;
             return Ok(false);
         }
-        let value = flash.half_word(staging.start.wrapping_add(self.at));
-        flash.program(application.start.wrapping_add(self.at), value)?;
-        self.at = self.at.saturating_add(2);
+        let mut words = [0; MOST_UNIT];
+        let from = staging.start.wrapping_add(self.at);
+        words
+            .iter_mut()
+            .zip((from..).step_by(2))
+            .for_each(|(word, address)| *word = flash.half_word(address));
+        let words = words.get(..unit::<F>()).unwrap_or_default();
+        flash.program(application.start.wrapping_add(self.at), words)?;
+        self.at = self.at.saturating_add(of.unit);
         self.erased = !self.at.is_multiple_of(of.page);
         Ok(false)
     }

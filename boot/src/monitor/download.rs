@@ -3,7 +3,7 @@
 //! The processor stalls while a page is erased, and the CAN controller buffers three frames meanwhile. So a page is erased only
 //! when no requested frame is still to come. Programming a half-word takes less than a frame, so frames may arrive meanwhile.
 
-use crate::chip::Flash;
+use crate::chip::{Flash, MOST_UNIT, unit};
 use heapless::{Deque, Vec};
 use servo_core::units::Micros;
 use tater_wire::download::{CHARACTERS, before, unpack};
@@ -62,8 +62,8 @@ pub(super) struct Download {
     /// Bytes of the last record still to be written, in reverse, and the offset in staging of the next.
     bytes: Vec<u8, MAX_DATA>,
     at: u32,
-    /// An incomplete half-word, and its offset.
-    half: Option<(u32, u16)>,
+    /// An incomplete unit, and its offset.
+    open: Option<(u32, [u8; 2 * MOST_UNIT])>,
     erased: u32,
 }
 
@@ -97,7 +97,7 @@ impl Download {
             refused: None,
             bytes: Vec::new(),
             at: 0,
-            half: None,
+            open: None,
             erased: 0,
         }
     }
@@ -226,31 +226,36 @@ impl Download {
         Ok(())
     }
 
-    /// Programs the next half-word; `false` if there is none.
+    /// Programs the next unit; `false` if there is none.
     fn write<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FaultCode> {
+        let size = F::MAP.of.unit;
         while let Some(&byte) = self.bytes.last() {
-            let even = self.at & !1;
-            let (_, half) = *self.half.get_or_insert((even, u16::MAX));
-            if self.half.is_some_and(|(at, _)| at != even) {
+            let inside = self.at % size;
+            let start = self.at - inside;
+            let (open, bytes) = self.open.get_or_insert((start, [u8::MAX; 2 * MOST_UNIT]));
+            if *open != start {
                 break;
             }
-            let [low, high] = half.to_le_bytes();
-            let pair = if self.at == even { [byte, high] } else { [low, byte] };
-            self.half = Some((even, u16::from_le_bytes(pair)));
-            let whole = self.at != even;
+            if let Some(place) = usize::try_from(inside).ok().and_then(|at| bytes.get_mut(at)) {
+                *place = byte;
+            }
             self.at = self.at.wrapping_add(1);
             self.bytes.pop();
-            if whole {
+            if self.at.is_multiple_of(size) {
                 break;
             }
         }
-        // A half-word stays open while its second byte may still come. If it never comes, the image's length
-        // is odd and the image invalid.
-        if self.bytes.is_empty() && self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1)) {
+        // A unit stays open while the rest of it may still come.
+        let may_grow = |&(start, _): &(u32, _)| self.at - self.at % size == start;
+        if self.bytes.is_empty() && !self.ended && self.open.as_ref().is_some_and(may_grow) {
             return Ok(false);
         }
-        let Some((at, value)) = self.half.take() else { return Ok(false) };
-        flash.program(F::MAP.staging.start.wrapping_add(at), value).map_err(|_| FaultCode::FlashWrite)?;
+        let Some((at, bytes)) = self.open.take() else { return Ok(false) };
+        let (pairs, _) = bytes.as_chunks();
+        let mut words = [0; MOST_UNIT];
+        words.iter_mut().zip(pairs).for_each(|(word, pair)| *word = u16::from_le_bytes(*pair));
+        let words = words.get(..unit::<F>()).unwrap_or_default();
+        flash.program(F::MAP.staging.start.wrapping_add(at), words).map_err(|_| FaultCode::FlashWrite)?;
         Ok(true)
     }
 }

@@ -40,7 +40,8 @@ impl Flash for Rom {
         u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
     }
 
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
+        let &[value] = unit else { return Err(FlashError::Address) };
         assert!(address.is_multiple_of(2) && FLASH.holds(u64::from(address), 2), "{address:#x}");
         if self.half_word(address) != u16::MAX && value != 0 {
             return Err(FlashError::NotErased);

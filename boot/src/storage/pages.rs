@@ -6,7 +6,7 @@
 //! the erase and so proves that the erase was complete; blank half-words alone do not.
 
 use super::word::join;
-use crate::chip::{Flash, FlashError};
+use crate::chip::{self, Flash, FlashError};
 use tater_wire::map::STORAGE_PAGES;
 
 /// Pages of the ring. Sets of them are bits of a byte.
@@ -18,8 +18,15 @@ pub const fn words<F: Flash>() -> usize {
     F::MAP.of.page_words()
 }
 
-/// Start of the records: after the mark that the page is ready.
-pub const FIRST: usize = 1;
+/// Start of the records, in half-words: after the mark that the page is ready.
+pub const fn first<F: Flash>() -> usize {
+    chip::unit::<F>()
+}
+
+/// Half-words of the whole units that so many half-words take.
+pub const fn units<F: Flash>(words: usize) -> usize {
+    words.next_multiple_of(chip::unit::<F>())
+}
 
 /// The first half-word of a page after its erase. A cut erase or cut programming does not leave it.
 const READY: u16 = 0x5AC3;
@@ -85,7 +92,7 @@ impl Pages {
             } else if found > newest[1] {
                 newest[1] = found;
                 self.previous = Some(page);
-            } else if found.is_none() && page.read(flash, 0) == READY && page.is_blank(flash, FIRST) {
+            } else if found.is_none() && page.read(flash, 0) == READY && page.is_blank(flash, 1) {
                 self.ready |= page.bit();
             }
         }
@@ -109,16 +116,18 @@ impl Pages {
     /// that cannot be read: such a page is closed although its last half-word is blank. `has_state`: whether a page has a complete record.
     pub fn has_void<F: Flash>(&self, flash: &F, sequence: u32, has_state: impl Fn(Page) -> bool) -> bool {
         let next = Page::all_after(self.current).next().filter(|_| self.current.is_some());
-        let closed = |page: Page| self.tail >= words::<F>() && page.read(flash, words::<F>() - 1) == u16::MAX;
+        let closed = |page: Page| {
+            self.tail >= words::<F>() && page.read(flash, words::<F>() - first::<F>()) == u16::MAX
+        };
         let newer = |page: Page| {
             let word = |at| page.read(flash, at);
             // One more wraps the number of a blank page to 0, which is not newer than anything.
-            let begun = join(word(FIRST + 2), word(FIRST + 3)).wrapping_add(1);
+            let begun = join(word(first::<F>() + 2), word(first::<F>() + 3)).wrapping_add(1);
             // The number itself may be wrong. The next page is older and whole, ready, or begun.
             let follows = next == Some(page) && self.ready & page.bit() == 0;
             let is_newer = begun > sequence.wrapping_add(1) || follows && !has_state(page);
             // Without any state there is nothing to be erased either.
-            next.is_none() && !page.is_blank(flash, FIRST) || word(0) == READY && is_newer
+            next.is_none() && !page.is_blank(flash, first::<F>()) || word(0) == READY && is_newer
         };
         self.current.is_some_and(closed) || (0..PAGES).map(Page).any(newer)
     }
@@ -185,7 +194,7 @@ impl Pages {
     /// Marks an erased page as ready, one flash operation; `false` if there is none.
     pub fn mark<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FlashError> {
         let Some(page) = self.blank.take() else { return Ok(false) };
-        flash.program(page.address::<F>(0), READY).inspect_err(|_| self.fail(page))?;
+        chip::put(flash, page.address::<F>(0), READY).inspect_err(|_| self.fail(page))?;
         self.ready |= page.bit();
         Ok(true)
     }

@@ -9,10 +9,12 @@
 //! | last two | CRC-32 (ISO-HDLC) of all before |
 //! | and one | only if trusted: the mark, all ones while the position in the record may be trusted |
 //!
+//! Where the flash is programmed by more than a half-word, a record and its mark begin at a unit each, and what is left of a unit stays erased.
+//!
 //! Low half-words and bytes first. An entry says its own length, so that a number that this version does not know is
 //! kept, and one of a length that it does not know is skipped.
 
-use super::pages::{FIRST, Page, words};
+use super::pages::{Page, first, units, words};
 use super::values::NUMBERS;
 use super::word::{Word, join};
 use crate::chip::Flash;
@@ -95,7 +97,8 @@ impl Found {
     pub fn read<F: Flash>(flash: &F, page: Page, at: usize) -> Option<Self> {
         const {
             assert!(
-                F::MAP.is_whole() && FIRST + MOST_WORDS + TAIL < words::<F>(),
+                F::MAP.is_whole()
+                    && first::<F>() + units::<F>(MOST_WORDS + TAIL) + units::<F>(1) <= words::<F>(),
                 "a first record has a place"
             )
         };
@@ -110,15 +113,16 @@ impl Found {
         }
         let head = Head::parse(word(1), join(word(2), word(3)))?;
         let found = Self { head, page, at, len };
-        (found.end() <= words::<F>()).then_some(found)
+        (found.end::<F>() <= words::<F>()).then_some(found)
     }
 
-    pub fn end(&self) -> usize {
-        self.at + self.len + usize::from(self.head.trusted.is_some())
+    /// The half-word after it and its mark.
+    pub fn end<F: Flash>(&self) -> usize {
+        self.at + units::<F>(self.len) + units::<F>(usize::from(self.head.trusted.is_some()))
     }
 
     pub fn mark<F: Flash>(&self) -> Option<u32> {
-        self.head.trusted.map(|_| self.page.address::<F>(self.at + self.len))
+        self.head.trusted.map(|_| self.page.address::<F>(self.at + units::<F>(self.len)))
     }
 
     /// Property numbers with their values, `None` for forgotten ones.

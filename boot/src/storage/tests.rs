@@ -11,6 +11,9 @@ use std::vec::Vec;
 use tater_wire::map::Map;
 use tater_wire::property::ROWS;
 
+/// Where the records of a page begin.
+const FIRST: usize = first::<Ram>();
+
 /// The storage pages with the F103's rules, and with half-words and pages that fail on request.
 #[derive(Clone)]
 struct Ram {
@@ -43,7 +46,8 @@ impl Flash for Ram {
         self.words[Self::index(address)]
     }
 
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
+        let &[value] = unit else { return Err(FlashError::Address) };
         self.programmed += 1;
         let word = &mut self.words[Self::index(address)];
         if *word != u16::MAX && value != 0 {

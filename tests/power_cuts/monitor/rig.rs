@@ -20,7 +20,7 @@ pub enum Operation {
 impl Operation {
     pub fn apply(self, flash: &mut SimFlash) -> Result<(), FlashError> {
         match self {
-            Self::Program(address, value) => flash.program(address, value),
+            Self::Program(address, value) => flash.program(address, &[value]),
             Self::Erase(page) => flash.erase(page),
         }
     }
@@ -37,9 +37,10 @@ impl Flash for Logged {
     fn half_word(&self, address: u32) -> u16 {
         self.sim.half_word(address)
     }
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
+        let &[value] = unit else { return Err(FlashError::Address) };
         self.log.push(Operation::Program(address, value));
-        self.sim.program(address, value)
+        self.sim.program(address, unit)
     }
     fn erase(&mut self, page: u32) -> Result<(), FlashError> {
         self.log.push(Operation::Erase(page));

@@ -306,7 +306,7 @@ fn save_leaves_what_cannot_be_read_to_the_application() {
     bench.settle();
     let first = STORAGE.start + 2;
     assert_ne!(bench.board().chip.half_word(first), u16::MAX, "a record");
-    bench.board().chip.program(first, 0).expect("zeros are always taken");
+    bench.board().chip.program(first, &[0]).expect("zeros are always taken");
     let mut bench = bench.reset();
     bench.set(3, SAVE, -1);
     bench.settle();

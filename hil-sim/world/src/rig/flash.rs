@@ -222,7 +222,8 @@ impl Flash for SimFlash {
         if self.marginal.is_empty() { read } else { self.read_marginal(at / 2, read) }
     }
 
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
+        let &[value] = unit else { return Err(FlashError::Address) };
         if !address.is_multiple_of(2) || !FLASH.holds(u64::from(address), 2) {
             return Err(FlashError::Address);
         }
@@ -279,12 +280,12 @@ mod tests {
     #[test]
     fn half_word_is_programmed_once_and_erased_by_the_page() {
         let mut flash = SimFlash::default();
-        assert_eq!(flash.program(AT, 0x1234), Ok(()));
+        assert_eq!(flash.program(AT, &[0x1234]), Ok(()));
         assert_eq!(flash.half_word(AT), 0x1234);
-        assert_eq!(flash.program(AT, 0x1230), Err(FlashError::NotErased));
-        assert_eq!(flash.program(AT, 0), Ok(()), "0 goes over anything");
-        assert_eq!(flash.program(AT + 1, 0), Err(FlashError::Address));
-        assert_eq!(flash.program(FLASH.end(), 0), Err(FlashError::Address));
+        assert_eq!(flash.program(AT, &[0x1230]), Err(FlashError::NotErased));
+        assert_eq!(flash.program(AT, &[0]), Ok(()), "0 goes over anything");
+        assert_eq!(flash.program(AT + 1, &[0]), Err(FlashError::Address));
+        assert_eq!(flash.program(FLASH.end(), &[0]), Err(FlashError::Address));
         assert_eq!(flash.erase(AT + 2), Err(FlashError::Address));
         assert_eq!(flash.erase(AT), Ok(()));
         assert_eq!((flash.half_word(AT), flash.erases()[2]), (0xFFFF, 1));
@@ -298,16 +299,16 @@ mod tests {
         for seed in 0..200 {
             let mut flash = SimFlash::default();
             flash.cut_at(1, seed);
-            assert_eq!(flash.program(AT, 0x5555), Ok(()));
-            assert_eq!(flash.program(AT + 2, 0x0F0F), Err(FlashError::Failed));
+            assert_eq!(flash.program(AT, &[0x5555]), Ok(()));
+            assert_eq!(flash.program(AT + 2, &[0x0F0F]), Err(FlashError::Failed));
             assert!(flash.is_dead());
-            assert_eq!(flash.program(AT + 4, 1), Err(FlashError::Failed));
+            assert_eq!(flash.program(AT + 4, &[1]), Err(FlashError::Failed));
             assert_eq!((flash.half_word(AT), flash.half_word(AT + 4)), (0x5555, 0xFFFF));
             let left = flash.half_word(AT + 2);
             assert_eq!(left & 0x0F0F, 0x0F0F, "ones stay");
             seen.insert(left);
             flash.power_up();
-            assert_eq!(flash.program(AT + 4, 1), Ok(()));
+            assert_eq!(flash.program(AT + 4, &[1]), Ok(()));
         }
         assert!(seen.len() > 50, "{}", seen.len());
     }
@@ -319,7 +320,7 @@ mod tests {
         for (address, value) in
             [(page + 2, 1), (MAP.page(STORAGE, 4), 1), (MAP.page(STORAGE, 5) + 2, 0), (AT + 2, 1)]
         {
-            assert_eq!(flash.program(address, value), Ok(()));
+            assert_eq!(flash.program(address, &[value]), Ok(()));
             assert_eq!(flash.page_in_use(), page, "{address:x} {value}");
         }
     }

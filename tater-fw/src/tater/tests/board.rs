@@ -42,7 +42,8 @@ impl Flash for FakeFlash {
         self.words.get(index).copied().unwrap_or(u16::MAX)
     }
 
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
+        let &[value] = unit else { return Err(FlashError::Address) };
         self.operations += 1;
         let index = address.wrapping_sub(FLASH.start) as usize / 2;
         let word = self.words.get_mut(index).ok_or(FlashError::Address)?;
