@@ -2,6 +2,7 @@
 
 pub mod bench;
 mod budgets;
+mod conformance;
 mod faults;
 mod heat;
 mod motions;

@@ -33,9 +33,9 @@ impl fmt::Display for Violation {
 }
 
 /// A source file: path from the workspace's root with `/` between its parts, and text.
-struct Source {
-    path: String,
-    text: String,
+pub struct Source {
+    pub path: String,
+    pub text: String,
 }
 
 impl Source {
@@ -76,7 +76,7 @@ fn paths(root: &Path) -> Vec<PathBuf> {
 }
 
 /// The sources named `name` or `*.name`.
-fn files(name: &str) -> Vec<Source> {
+pub fn files(name: &str) -> Vec<Source> {
     let (root, suffix) = (root(), format!(".{name}"));
     let mut found = Vec::new();
     for path in paths(&root) {

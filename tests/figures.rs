@@ -17,7 +17,7 @@ use tater_f103::map::{APPLICATION, MONITOR};
 use tater_wire::MotorKind;
 use tater_wire::map::Area;
 
-use crate::fences::root;
+use crate::fences::{Source, files, root};
 
 /// What a number of a page has to be.
 #[derive(Clone, Copy, Debug)]
@@ -243,6 +243,26 @@ fn readme_has_the_size_of_the_image() {
         "| production image | application {} of {} KiB, monitor {} of {} KiB;",
         &[kib("tater"), limit(APPLICATION), kib("monitor"), limit(MONITOR)],
     );
+}
+
+/// Lines of a crate outside its tests.
+fn lines(package: &str) -> f64 {
+    let own = |source: &&Source| {
+        let inside = source.path.strip_prefix(package).and_then(|rest| rest.strip_prefix('/'));
+        inside
+            .is_some_and(|rest| (rest.starts_with("src/") || rest == "build.rs") && !rest.contains("/tests"))
+    };
+    let files = files("rs");
+    files.iter().filter(own).map(|source| source.text.lines().count() as f64).sum()
+}
+
+#[test]
+fn porting_has_the_lines_of_each_crate() {
+    for package in
+        ["servo-core", "tater-wire", "boot", "tater-fw", "bsp-stm32f1", "boards/tater-f103", "boards/stub"]
+    {
+        claim("docs/porting.md", &format!("| `{package}` | {{}} |"), &[Near(lines(package) / 1000.0)]);
+    }
 }
 
 /// What `hil-sim run NAME` prints.

@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Ok(());
     }
     let out = PathBuf::from(env::var("OUT_DIR")?);
-    for (program, flash) in [("tater", APPLICATION), ("monitor", MONITOR)] {
+    for (program, flash) in [("tater", APPLICATION), ("monitor", MONITOR), ("conformance", MONITOR)] {
         let folder = out.join(program);
         fs::create_dir_all(&folder)?;
         fs::write(folder.join("memory.x"), script(flash))?;

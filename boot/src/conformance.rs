@@ -42,7 +42,11 @@ impl core::error::Error for Broken {}
 
 type Kept = Result<(), Broken>;
 
-fn holds(is_so: bool, promise: &'static str, at: u32, found: impl Into<u32>) -> Kept {
+/// Whether a promise holds.
+///
+/// # Errors
+/// It does not.
+pub fn holds(is_so: bool, promise: &'static str, at: u32, found: impl Into<u32>) -> Kept {
     if is_so { Ok(()) } else { Err(Broken { promise, at, found: found.into() }) }
 }
 
@@ -51,8 +55,8 @@ fn holds(is_so: bool, promise: &'static str, at: u32, found: impl Into<u32>) -> 
 /// # Errors
 /// The first promise that is broken.
 pub fn chip<C: Chip>(mut chip: C) -> Result<C, Broken> {
-    flash(chip.flash())?;
-    journal(chip.flash())?;
+    flash(&mut chip)?;
+    journal(&mut chip)?;
     let number = chip.serial_number();
     holds(number <= 0x7FFF, "the serial number is 0 to 32767", 0, number)?;
     holds(chip.serial_number() == number, "the serial number is always the same", 0, number)?;
@@ -62,34 +66,38 @@ pub fn chip<C: Chip>(mut chip: C) -> Result<C, Broken> {
     if let Some(frame) = Frame::from_raw(0, &[Property::STAT.id()]) {
         holds(chip.transmit(&frame), "an idle bus takes a frame", 0, 0_u8)?;
     }
-    chip.feed_watchdog();
-    download(chip)
+    download(&mut chip)?;
+    Ok(chip)
+}
+
+const fn map<C: Chip>() -> Map {
+    <C::Flash as Flash>::MAP
 }
 
 /// The promises of a flash.
 ///
 /// # Errors
 /// The first that is broken.
-pub fn flash<F: Flash>(flash: &mut F) -> Kept {
-    const { assert!(F::MAP.is_whole(), "areas of whole pages that fill the flash") };
-    let Map { of, staging, storage, .. } = F::MAP;
+pub fn flash<C: Chip>(chip: &mut C) -> Kept {
+    const { assert!(map::<C>().is_whole(), "areas of whole pages that fill the flash") };
+    let Map { of, staging, storage, .. } = map::<C>();
     for area in [staging, storage] {
         for page in [area.start, area.end() - of.page] {
-            erase(flash, page)?;
-            // Down, so that nothing but an erased unit is ever programmed next to a programmed one.
+            erase(chip, page)?;
             for address in [page + of.page - of.unit, page] {
-                once(flash, address)?;
+                once(chip.flash(), address)?;
             }
         }
     }
-    neighbors(flash, staging)?;
-    refusals(flash)
+    neighbors(chip, staging)?;
+    refusals(chip.flash())
 }
 
-fn erase<F: Flash>(flash: &mut F, page: u32) -> Kept {
-    let done = flash.erase(page);
+fn erase<C: Chip>(chip: &mut C, page: u32) -> Kept {
+    chip.feed_watchdog();
+    let done = chip.flash().erase(page);
     holds(done == Ok(()), "a page can be erased", page, 0_u8)?;
-    is(flash, Area { start: page, len: F::MAP.of.page }, u16::MAX, "an erased page is all ones")
+    is(chip.flash(), Area { start: page, len: map::<C>().of.page }, u16::MAX, "an erased page is all ones")
 }
 
 /// Whether an area holds nothing but a half-word.
@@ -123,23 +131,28 @@ fn once<F: Flash>(flash: &mut F, address: u32) -> Kept {
 }
 
 /// A page that is erased, and a unit that is programmed, leave their neighbors alone.
-fn neighbors<F: Flash>(flash: &mut F, area: Area) -> Kept {
-    let Map { of, .. } = F::MAP;
-    let pages = [0, 1, 2].map(|index| F::MAP.page(area, index));
-    pages.iter().try_for_each(|&page| erase(flash, page))?;
+fn neighbors<C: Chip>(chip: &mut C, area: Area) -> Kept {
+    let Map { of, .. } = map::<C>();
+    let pages = [0, 1, 2].map(|index| map::<C>().page(area, index));
+    pages.iter().try_for_each(|&page| erase(chip, page))?;
     let [before, page, after] = pages;
     let [last, first] = [page - of.unit, after];
     for address in [last, first] {
-        holds(put(flash, address, 0xC3C3) == Ok(()), "an erased unit can be programmed", address, 0_u8)?;
+        holds(
+            put(chip.flash(), address, 0xC3C3) == Ok(()),
+            "an erased unit can be programmed",
+            address,
+            0_u8,
+        )?;
     }
-    holds(put(flash, page, 0) == Ok(()), "an erased unit can be programmed", page, 0_u8)?;
-    erase(flash, page)?;
+    holds(put(chip.flash(), page, 0) == Ok(()), "an erased unit can be programmed", page, 0_u8)?;
+    erase(chip, page)?;
     for address in [last, first] {
-        let found = flash.half_word(address);
+        let found = chip.flash().half_word(address);
         holds(found == 0xC3C3, "an erased page leaves its neighbors alone", address, found)?;
     }
     let rest = Area { start: before, len: of.page - of.unit };
-    is(flash, rest, u16::MAX, "a programmed unit leaves its page alone")
+    is(chip.flash(), rest, u16::MAX, "a programmed unit leaves its page alone")
 }
 
 /// What is no unit, no page, or not in the flash.
@@ -187,27 +200,28 @@ fn refusals<F: Flash>(flash: &mut F) -> Kept {
 /// Most steps of a store until everything is stored: a complete record, pages to erase, and their marks.
 const STEPS: u32 = 2_000;
 
-fn settle<F: Flash>(store: &mut Store, flash: &mut F) -> Kept {
+fn settle<C: Chip>(store: &mut Store, chip: &mut C) -> Kept {
     for _ in 0..STEPS {
-        match store.step(flash, true) {
+        chip.feed_watchdog();
+        match store.step(chip.flash(), true) {
             Progress::Done => return Ok(()),
             Progress::More | Progress::Waiting => {}
             Progress::Failed(_) => break,
         }
     }
-    Err(Broken { promise: "the journal stores what is due", at: F::MAP.storage.start, found: 0 })
+    Err(Broken { promise: "the journal stores what is due", at: map::<C>().storage.start, found: 0 })
 }
 
 /// The journal over the port's flash: twice around its pages.
 ///
 /// # Errors
 /// The first promise that is broken.
-pub fn journal<F: Flash>(flash: &mut F) -> Kept {
-    let storage = F::MAP.storage;
-    for index in 0..F::MAP.pages(storage) {
-        erase(flash, F::MAP.page(storage, index))?;
+pub fn journal<C: Chip>(chip: &mut C) -> Kept {
+    let storage = map::<C>().storage;
+    for index in 0..map::<C>().pages(storage) {
+        erase(chip, map::<C>().page(storage, index))?;
     }
-    let mut store = Store::open(flash);
+    let mut store = Store::open(chip.flash());
     let turns = 2 * storage.len / 16;
     for turn in 0..turns {
         store.set(Property::MV, 1000 + i64::from(turn % 500));
@@ -215,14 +229,14 @@ pub fn journal<F: Flash>(flash: &mut F) -> Kept {
         store.count(Counters { upsecs: turn, odometer: turn / 2, ptemp: 250 });
         store.save_counters();
         store.set_hot(turn % 3 == 0);
-        settle(&mut store, flash)?;
+        settle(&mut store, chip)?;
         if turn % 64 == 63 {
             let distrusts = turn % 128 == 63;
             if distrusts {
-                let done = store.distrust(flash);
+                let done = store.distrust(chip.flash());
                 holds(done == Ok(()), "a mark can be programmed to 0", storage.start, 0_u8)?;
             }
-            store = Store::open(flash);
+            store = Store::open(chip.flash());
             let read = store.get(Property::MV);
             let promise = "the journal gives back what was stored";
             holds(read == Some(1000 + i64::from(turn % 500)), promise, storage.start, turn)?;
@@ -230,19 +244,19 @@ pub fn journal<F: Flash>(flash: &mut F) -> Kept {
             holds(store.counters() == counters, promise, storage.start, store.counters().upsecs)?;
             let position = (!distrusts).then_some((turn.cast_signed(), 2));
             holds(store.trusted_position() == position, promise, storage.start, turn)?;
-            holds(!store.is_damaged(flash), "the journal is whole", storage.start, turn)?;
+            holds(!store.is_damaged(chip.flash()), "the journal is whole", storage.start, turn)?;
         }
     }
     Ok(())
 }
 
 /// A chip whose frames a host in the same program gets.
-struct Tapped<C> {
-    chip: C,
+struct Tapped<'a, C> {
+    chip: &'a mut C,
     sent: Vec<Frame, 16>,
 }
 
-impl<C: Chip> Chip for Tapped<C> {
+impl<C: Chip> Chip for Tapped<'_, C> {
     type Flash = C::Flash;
 
     fn transmit(&mut self, frame: &Frame) -> bool {
@@ -289,30 +303,30 @@ const FILE: usize = 80 * (IMAGE / 32 + 3);
 ///
 /// # Errors
 /// The first promise that is broken.
-fn download<C: Chip>(chip: C) -> Result<C, Broken> {
-    let Map { of, application, .. } = <C::Flash as Flash>::MAP;
+fn download<C: Chip>(chip: &mut C) -> Kept {
+    let Map { of, application, .. } = map::<C>();
     let mut image = [0; IMAGE];
     image.iter_mut().zip((0..=250).cycle()).for_each(|(byte, value)| *byte = value);
     let words = [of.ram.end(), application.start + HEADER_END + 1].map(u32::to_le_bytes);
     image.iter_mut().zip(words.as_flattened()).for_each(|(byte, &value)| *byte = value);
     image.iter_mut().take(HEADER_BYTES).skip(0x1C).for_each(|byte| *byte = u8::MAX);
     let broken = |promise| Broken { promise, at: application.start, found: 0 };
-    seal(&mut image, 1, &<C::Flash as Flash>::MAP).map_err(|_| broken("an image fits the map"))?;
+    seal(&mut image, 1, &map::<C>()).map_err(|_| broken("an image fits the map"))?;
     let mut file: Vec<u8, FILE> = Vec::new();
     let lines = Encoder::new(application.start, &image).into_iter().flatten();
     for line in lines.chain([end(application.start)]) {
         file.extend_from_slice(line.as_bytes()).map_err(|_| broken("a file fits its buffer"))?;
     }
-    let mut chip = played(Tapped { chip, sent: Vec::new() }, &file).ok_or(broken("a download ends"))?;
+    holds(played(Tapped { chip, sent: Vec::new() }, &file), "a download ends", application.start, 0_u8)?;
     for (at, pair) in (application.start..).step_by(2).zip(image.as_chunks().0) {
         let found = chip.flash().half_word(at);
         holds(found == u16::from_le_bytes(*pair), "the application is what was downloaded", at, found)?;
     }
-    Ok(chip)
+    Ok(())
 }
 
-/// A download to its end; `None` if it does not end well.
-fn played<C: Chip>(chip: Tapped<C>, file: &[u8]) -> Option<C> {
+/// Whether a download ends well.
+fn played<C: Chip>(chip: Tapped<'_, C>, file: &[u8]) -> bool {
     let mut monitor = Monitor::new(chip);
     let mut host = Downloader::new(monitor.node(), file, 0);
     let mut now = 0_u64;
@@ -322,7 +336,7 @@ fn played<C: Chip>(chip: Tapped<C>, file: &[u8]) -> Option<C> {
         // The clock of a board wraps.
         let micros = Micros(u32::try_from(now & u64::from(u32::MAX)).unwrap_or(0));
         if monitor.step(micros) == Next::Start {
-            return Some(monitor.into_board().chip);
+            return true;
         }
         for frame in core::mem::take(&mut monitor.board_mut().sent) {
             host.receive(&frame, now);
@@ -330,8 +344,8 @@ fn played<C: Chip>(chip: Tapped<C>, file: &[u8]) -> Option<C> {
         match host.next(now) {
             Host::Send(frame) => monitor.receive(&frame, micros),
             Host::Wait(_) => {}
-            Host::Done | Host::Failed(_) => return None,
+            Host::Done | Host::Failed(_) => return false,
         }
     }
-    None
+    false
 }

@@ -3,8 +3,8 @@
 //! They decide nothing: each function only reads or writes registers. [`timing`] is compiled on a host too, where it is
 //! tested; the rest has registers. All of the project's `unsafe` for the hardware is here.
 //!
-//! A board passes in its memory map ([`flash::Mapped`]) and, by symbols of its linker script, what a fatal error does first
-//! ([`stop`]).
+//! A board passes in its memory map (`flash::Mapped`) and, by symbols of its linker script, what a fatal error does first
+//! (`stop`).
 #![no_std]
 // Runs on the board: no panic, no index out of bounds.
 #![deny(

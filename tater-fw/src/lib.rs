@@ -26,6 +26,7 @@ extern crate self as tater_fw;
 mod bind;
 pub mod board;
 pub mod codes;
+pub mod conformance;
 pub mod events;
 pub mod find;
 pub mod motion;

@@ -34,7 +34,7 @@ const LIBRARIES: &[&str] = &[
     "board-emu",
 ];
 
-const ARROWS: [Arrows; 25] = [
+const ARROWS: [Arrows; 26] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -80,6 +80,12 @@ const ARROWS: [Arrows; 25] = [
             "embedded-hal",
             "stm32f1xx-hal",
         ]),
+    },
+    // heapless: its bus. cortex-m(-rt): its cores.
+    Arrows {
+        package: "stub",
+        ours: &["servo-core", "tater-wire", "boot", "tater-fw"],
+        others: Some(&["cortex-m", "cortex-m-rt", "heapless"]),
     },
     // heapless: bounded buffers without a heap. defmt: as above. proptest: tests.
     Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },

@@ -175,7 +175,7 @@ fn other_systems() -> Outcome {
 }
 
 /// The crates for microcontrollers. GOD has no board yet, and the kinematics no caller on one.
-const BOARD: &str = "--package servo-core --package tater-wire --package boot --package tater-fw --package bsp-stm32f1 --package tater-f103 --package god --package kinematics";
+const BOARD: &str = "--package servo-core --package tater-wire --package boot --package tater-fw --package bsp-stm32f1 --package tater-f103 --package stub --package god --package kinematics";
 
 fn clippy_thumb() -> Outcome {
     // The second run covers the code of the log feature.
@@ -185,9 +185,19 @@ fn clippy_thumb() -> Outcome {
     Ok(())
 }
 
-/// Builds GOD, which is in no image; the step "image" builds the other crates.
+/// Cores of the stub board (docs/porting.md): a Cortex-M4 and a Cortex-M0+.
+const OTHER_CORES: [&str; 2] = ["thumbv7em-none-eabi", "thumbv6m-none-eabi"];
+
+/// Builds GOD, which is in no image, and the stub board for other cores; the step "image" builds the other crates.
 fn build_thumb() -> Outcome {
-    run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
+    run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))?;
+    for core in OTHER_CORES {
+        setup::add(core)?;
+        run(program(&format!(
+            "cargo build --quiet --profile firmware --package stub --bins --target {core}"
+        )))?;
+    }
+    Ok(())
 }
 
 /// Tests for the night, by parts of their names. Together they take a quarter of the time of all: programs of hosts on emulated boards, which others play

@@ -109,16 +109,18 @@ struct Built {
     monitor: Vec<u8>,
     monitor_flat: Vec<u8>,
     monitor_bytes: u32,
+    conformance: Vec<u8>,
 }
 
 impl Built {
-    fn files(&self) -> [(&'static str, &[u8]); 5] {
+    fn files(&self) -> [(&'static str, &[u8]); 6] {
         [
             ("tater.elf", &self.tater.elf),
             ("tater.bin", &self.tater.bytes),
             ("tater.tek", &self.tater.text),
             ("monitor.elf", &self.monitor),
             ("monitor.bin", &self.monitor_flat),
+            ("conformance.bin", &self.conformance),
         ]
     }
 }
@@ -135,17 +137,25 @@ fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failur
     let tater = tek::seal_linked(files::read(&linked.tater)?, version())
         .map_err(|error| wrong(&linked.tater, error))?;
     let monitor = files::read(&linked.monitor)?;
-    let (start, monitor_flat) = tek::flat(&monitor).map_err(|error| wrong(&linked.monitor, error))?;
-    // More than 32 bits is too long as well.
+    let monitor_flat = in_monitors_place(&linked.monitor, &monitor)?;
+    // More than 32 bits would not be in its place.
     let monitor_bytes = u32::try_from(monitor_flat.len()).unwrap_or(u32::MAX);
-    let len = u64::from(monitor_bytes);
+    let conformance = in_monitors_place(&linked.conformance, &files::read(&linked.conformance)?)?;
+    Ok(Built { tater, monitor, monitor_flat, monitor_bytes, conformance })
+}
+
+/// The bytes of a program that stands where the monitor does.
+fn in_monitors_place(path: &Path, elf: &[u8]) -> Result<Vec<u8>, Failure> {
+    let wrong = |error| format!("{}: {error}", path.display());
+    let (start, flat) = tek::flat(elf).map_err(wrong)?;
+    let len = flat.len() as u64;
     if start != u64::from(MONITOR.start) || !MONITOR.holds(start, len) {
         let Area { start: wanted, len: room } = MONITOR;
         let found = format!("found {len} bytes from {start:#010x} on");
         let error = format!("{found}, expected at most {room} from {wanted:#010x} on");
-        return Err(Failure::Judged(wrong(&linked.monitor, error)));
+        return Err(Failure::Judged(wrong(error)));
     }
-    Ok(Built { tater, monitor, monitor_flat, monitor_bytes })
+    Ok(flat)
 }
 
 fn version() -> u16 {

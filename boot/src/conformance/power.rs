@@ -1,6 +1,6 @@
 //! What a power cut may leave, played at each operation of a port's flash on a computer.
 
-use super::{Broken, STEPS, holds, settle};
+use super::{Broken, Kept, STEPS, holds};
 use crate::chip::Flash;
 use crate::storage::{Counters, Progress, Store};
 use tater_wire::Property;
@@ -65,6 +65,11 @@ pub fn survives_power_cuts<F: Cut>(blank: &F, seeds: u32) -> Result<u32, Broken>
         }
     }
     Ok(cuts)
+}
+
+fn settle<F: Flash>(store: &mut Store, flash: &mut F) -> Kept {
+    let done = (0..STEPS).any(|_| store.step(flash, true) == Progress::Done);
+    holds(done, "the journal stores what is due", F::MAP.storage.start, 0_u8)
 }
 
 /// Stores another state, consumes the trust, and stores a position anew, with a cut.

@@ -192,7 +192,7 @@ fn boards_of_each_unit_and_page_conform() {
 
 #[test]
 fn each_broken_promise_is_found() {
-    let broken = |wrong| flash(&mut Model::<8, 2048>::new(wrong)).err().map(|broken| broken.promise);
+    let broken = |wrong| flash(&mut Board(Model::<8, 2048>::new(wrong))).err().map(|broken| broken.promise);
     for (wrong, promise) in [
         (Wrong::Nothing, None),
         (Wrong::Overwrites, Some("a refused unit stays as it is")),

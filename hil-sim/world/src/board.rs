@@ -286,3 +286,15 @@ impl Board for SimBoard {
         self.retained = word;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn simulated_board_keeps_the_promises_of_a_port() {
+        let node = Node::new(4).expect("a node");
+        let board = boot::conformance::chip(SimBoard::standard(node, Model::Averaged, 1)).expect("a chip");
+        tater_fw::conformance::board(board).expect("a board");
+    }
+}

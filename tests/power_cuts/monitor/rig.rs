@@ -113,9 +113,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// A board whose bridge drives until the monitor switches it off.
-    pub fn boot(mut flash: SimFlash) -> Self {
-        flash.set_bridge_on(true);
+    pub fn boot(flash: SimFlash) -> Self {
         let flash = Logged { sim: flash, log: Vec::new() };
         let monitor = Monitor::new(Bed { flash, sent: Vec::new() });
         Self { monitor, now: 0, coming: VecDeque::new(), bus_free: 0, figures: Figures::default(), lost: 0 }

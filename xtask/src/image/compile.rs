@@ -17,6 +17,7 @@ use programs::output::warn;
 pub struct Linked {
     pub tater: PathBuf,
     pub monitor: PathBuf,
+    pub conformance: PathBuf,
 }
 
 /// Environment variables of cargo that would change an image.
@@ -36,7 +37,7 @@ pub fn log(profile: Profile) -> Option<String> {
     }
 }
 
-/// Builds monitor and application of a checkout in the folder `build`.
+/// Builds monitor, conformance test and application of a checkout in the folder `build`.
 ///
 /// # Errors
 /// The build failed; cargo has printed why.
@@ -47,7 +48,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
         warn(&format!("not used, so that the same commit gives the same image anywhere: {names}"));
     }
     let flags = flags(checkout, build)?;
-    for name in ["monitor", "tater"] {
+    for name in ["monitor", "conformance", "tater"] {
         let mut cargo = program(&format!(
             "cargo build --locked --package tater-f103 --bin {name} --profile firmware --target {THUMB}"
         ));
@@ -71,7 +72,9 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
         })?;
     }
     let folder = build.join(THUMB);
-    Ok(Linked { tater: folder.join("firmware/tater"), monitor: folder.join("firmware/monitor") })
+    let [tater, monitor, conformance] =
+        ["tater", "monitor", "conformance"].map(|name| folder.join("firmware").join(name));
+    Ok(Linked { tater, monitor, conformance })
 }
 
 fn left_out() -> Vec<String> {

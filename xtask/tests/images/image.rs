@@ -55,7 +55,7 @@ fn image_json_describes_the_files() {
         "version",
     ];
     assert_eq!(keys, expected);
-    let names = ["monitor.bin", "monitor.elf", "tater.bin", "tater.elf", "tater.tek"];
+    let names = ["conformance.bin", "monitor.bin", "monitor.elf", "tater.bin", "tater.elf", "tater.tek"];
     let files = names.map(|name| {
         let bytes = read(name);
         (name.to_owned(), json!({ "bytes": bytes.len(), "crc32": crc(&bytes) }))
@@ -120,7 +120,7 @@ fn failed_write_leaves_the_former_files() {
     let folder = bench.0.join("target/image/production");
     fs::remove_file(folder.join("tater.tek")).expect("it was made");
     fs::create_dir(folder.join("tater.tek")).expect("the target folder can be written");
-    let names = ["tater.elf", "tater.bin", "monitor.elf", "monitor.bin", "image.json"];
+    let names = ["tater.elf", "tater.bin", "monitor.elf", "monitor.bin", "conformance.bin", "image.json"];
     let all = || names.map(|name| fs::read(folder.join(name)).expect("it was made"));
     let before = all();
     let mut other = elf(0x0800_4000);

@@ -37,6 +37,7 @@ impl Bench {
         let bench = Self(folder);
         bench.put("tater", &elf(0x0800_4000));
         bench.put("monitor", &elf(0x0800_0000));
+        bench.put("conformance", &elf(0x0800_0000));
         bench.put("flash", &[0xFF; 8192]);
         // The fake cargo copies files instead of building; `cargo run` commands do run, in the tests' folder.
         let (here, real) = (bench.0.display(), env!("CARGO"));

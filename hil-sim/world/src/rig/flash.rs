@@ -6,14 +6,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use boot::{Flash, FlashError};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_f103::map::{FLASH, MAP, PAGE, STORAGE};
-use tater_wire::map::Map;
+use tater_f103::map::{FLASH, MAP, MONITOR, PAGE, STORAGE};
+use tater_wire::map::{Area, Map};
 
 /// Programming a half-word, µs (STM32F103 data sheet: 40 to 70, typically 52.5).
 const PROGRAM_US: u64 = 53;
 
 /// Erasing a page, µs (STM32F103 data sheet: 20 to 40 ms).
 const ERASE_US: u64 = 40_000;
+
+/// What a program may write: the monitor's pages no program may.
+const WRITABLE: Area = Area { start: MONITOR.end(), len: FLASH.len - MONITOR.len };
 
 const PAGE_BYTES: usize = PAGE as usize;
 
@@ -224,7 +227,7 @@ impl Flash for SimFlash {
 
     fn program(&mut self, address: u32, unit: &[u16]) -> Result<(), FlashError> {
         let &[value] = unit else { return Err(FlashError::Address) };
-        if !address.is_multiple_of(2) || !FLASH.holds(u64::from(address), 2) {
+        if !address.is_multiple_of(2) || !WRITABLE.holds(u64::from(address), 2) {
             return Err(FlashError::Address);
         }
         let at = (address - FLASH.start) as usize / 2;
@@ -245,7 +248,7 @@ impl Flash for SimFlash {
     }
 
     fn erase(&mut self, page: u32) -> Result<(), FlashError> {
-        if !page.is_multiple_of(PAGE) || !FLASH.holds(u64::from(page), u64::from(PAGE)) {
+        if !page.is_multiple_of(PAGE) || !WRITABLE.holds(u64::from(page), u64::from(PAGE)) {
             return Err(FlashError::Address);
         }
         self.erased_while_driven += u32::from(self.bridge_on);
@@ -275,7 +278,7 @@ impl Flash for SimFlash {
 mod tests {
     use super::*;
 
-    const AT: u32 = FLASH.start + 2048;
+    const AT: u32 = MONITOR.end() + 2048;
 
     #[test]
     fn half_word_is_programmed_once_and_erased_by_the_page() {
@@ -286,9 +289,10 @@ mod tests {
         assert_eq!(flash.program(AT, &[0]), Ok(()), "0 goes over anything");
         assert_eq!(flash.program(AT + 1, &[0]), Err(FlashError::Address));
         assert_eq!(flash.program(FLASH.end(), &[0]), Err(FlashError::Address));
+        assert_eq!(flash.program(MONITOR.start, &[0]), Err(FlashError::Address));
         assert_eq!(flash.erase(AT + 2), Err(FlashError::Address));
         assert_eq!(flash.erase(AT), Ok(()));
-        assert_eq!((flash.half_word(AT), flash.erases()[2]), (0xFFFF, 1));
+        assert_eq!((flash.half_word(AT), flash.erases()[18]), (0xFFFF, 1));
         assert_eq!(flash.take_busy_us(), 2 * PROGRAM_US + ERASE_US);
         assert_eq!(flash.operations(), 3);
     }

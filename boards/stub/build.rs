@@ -1,0 +1,36 @@
+//! Writes the linker scripts of the two programs from the memory map.
+
+#[path = "src/map.rs"]
+#[allow(dead_code, reason = "the programs use all of it")]
+mod map;
+
+use std::path::PathBuf;
+use std::{env, fs};
+
+use map::MAP;
+use tater_wire::map::Area;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=src/map.rs");
+    if env::var("CARGO_CFG_TARGET_OS")? != "none" {
+        return Ok(());
+    }
+    for (program, flash) in [("stub", MAP.application), ("stub-monitor", MAP.monitor)] {
+        let folder = PathBuf::from(env::var("OUT_DIR")?).join(program);
+        fs::create_dir_all(&folder)?;
+        let area = |Area { start, len }| format!("ORIGIN = {start:#010x}, LENGTH = {len:#x}");
+        let script = format!(
+            "MEMORY\n{{\n  FLASH : {}\n  RAM : {}\n}}\n_stack_start = {:#010x};\n_stack_end = {:#010x};\n",
+            area(flash),
+            area(MAP.statics),
+            MAP.stack.end(),
+            MAP.stack.start,
+        );
+        fs::write(folder.join("memory.x"), script)?;
+        for argument in [format!("-L{}", folder.display()), "-Tlink.x".into(), "--nmagic".into()] {
+            println!("cargo::rustc-link-arg-bin={program}={argument}");
+        }
+    }
+    Ok(())
+}
