@@ -182,41 +182,6 @@ impl PositionLoop {
     }
 }
 
-/// A requested motion that has not started.
-#[derive(Clone, Copy, Debug)]
-enum Goal {
-    Torque(Torque),
-    /// At the whole count `at`, or where the rotor is when the motion starts.
-    Position {
-        at: Option<i32>,
-        pid: PidState,
-    },
-    Velocity,
-    TorqueControlled {
-        way: Way,
-    },
-    /// To E. `holds`: see [`Motion::Move`].
-    Move {
-        pid: PidState,
-        holds: bool,
-    },
-    Find,
-    SeekStop,
-    /// From the stop to zero, at IOFF.
-    Zero,
-}
-
-impl Goal {
-    const fn mode(self) -> Mode {
-        match self {
-            Self::Torque(_) => Mode::Torque,
-            Self::Position { .. } => Mode::Pid,
-            Self::Velocity | Self::TorqueControlled { .. } | Self::SeekStop => Mode::Velocity,
-            Self::Move { .. } | Self::Zero | Self::Find => Mode::Trapezoidal,
-        }
-    }
-}
-
 /// A stage of HI at IVEL.
 #[derive(Clone, Copy, Debug)]
 enum Homing {
@@ -228,16 +193,15 @@ enum Homing {
     Return { stop: Way },
 }
 
+/// What the motor does, or will do once its brake has released (`Servo::releasing`).
 #[derive(Clone, Copy, Debug)]
 enum Motion {
     /// Bridge off, brake engaged.
     Idle,
-    /// Brake energized for `brake_ms` so far; the goal starts when the brake has had its time to release.
-    Starting { goal: Goal, brake_ms: u16 },
     /// Mode 2.
     Torque(Torque),
-    /// Mode 3: P, or a hold after the end of a motion.
-    Position(PositionLoop),
+    /// Mode 3: P, or a hold after the end of a motion. `to`: where it heads from its start on; without it it stays in its cell.
+    Position { control: PositionLoop, to: Option<i32> },
     /// Mode 4: V.
     Velocity,
     /// TC or TO.
@@ -258,9 +222,8 @@ impl Motion {
     const fn mode(&self) -> Mode {
         match self {
             Self::Idle => Mode::Idle,
-            Self::Starting { goal, .. } => goal.mode(),
             Self::Torque(_) => Mode::Torque,
-            Self::Position(_) => Mode::Pid,
+            Self::Position { .. } => Mode::Pid,
             Self::Velocity | Self::TorqueControlled { .. } | Self::Pressing { .. } | Self::Home { .. } => {
                 Mode::Velocity
             }
@@ -271,20 +234,12 @@ impl Motion {
     /// Whether the motion ends by itself and a host waits for that.
     const fn is_awaited(&self) -> bool {
         match self {
-            Self::Starting { goal, .. } => match goal {
-                Goal::TorqueControlled { .. }
-                | Goal::Move { .. }
-                | Goal::SeekStop
-                | Goal::Zero
-                | Goal::Find => true,
-                Goal::Torque(_) | Goal::Position { .. } | Goal::Velocity => false,
-            },
             Self::TorqueControlled { .. }
             | Self::Move { .. }
             | Self::Home { .. }
             | Self::Zero { .. }
             | Self::Field(_) => true,
-            Self::Idle | Self::Torque(_) | Self::Position(_) | Self::Velocity | Self::Pressing { .. } => {
+            Self::Idle | Self::Torque(_) | Self::Position { .. } | Self::Velocity | Self::Pressing { .. } => {
                 false
             }
         }
@@ -292,19 +247,15 @@ impl Motion {
 
     /// Whether the host closes the loop: mode 2 or 4 that it has set. HI, TC and TO are in mode 4 too, but end by themselves.
     const fn needs_host(&self) -> bool {
-        matches!(
-            self,
-            Self::Torque(_) | Self::Velocity | Self::Starting { goal: Goal::Torque(_) | Goal::Velocity, .. }
-        )
+        matches!(self, Self::Torque(_) | Self::Velocity)
     }
 
     const fn position_loop(&self) -> Option<&PositionLoop> {
         match self {
-            Self::Position(control) | Self::Move { control, .. } | Self::Zero { control, .. } => {
+            Self::Position { control, .. } | Self::Move { control, .. } | Self::Zero { control, .. } => {
                 Some(control)
             }
             Self::Idle
-            | Self::Starting { .. }
             | Self::Torque(_)
             | Self::Velocity
             | Self::TorqueControlled { .. }
@@ -440,6 +391,8 @@ impl Tuning {
 pub struct Servo {
     tuning: Tuning,
     motion: Motion,
+    /// How long the brake has been energized, ms, while the motion waits for its release; `None` once it has started, and in idle.
+    releasing: Option<u16>,
     observer: Observer,
     /// Hall count at the last tick.
     count: i32,
@@ -480,6 +433,7 @@ impl Servo {
         Self {
             tuning: Tuning::new(config, unfit, figures, &direction),
             motion: Motion::Idle,
+            releasing: None,
             observer: Observer::new(figures.model, count),
             count,
             zero: 0,
@@ -537,8 +491,8 @@ impl Servo {
 
     /// Sets the torque of FIND's field, from the next tick on, if its bridge is on; limits apply.
     pub const fn set_field(&mut self, torque: Torque) {
-        if let Motion::Field(wanted) = &mut self.motion {
-            *wanted = torque;
+        if self.has_field() {
+            self.motion = Motion::Field(torque);
         }
     }
 
@@ -555,13 +509,13 @@ impl Servo {
     /// Whether FIND's bridge is on.
     #[must_use]
     pub const fn has_field(&self) -> bool {
-        matches!(self.motion, Motion::Field(_))
+        self.is_finding() && self.releasing.is_none()
     }
 
     /// Whether FIND is under way.
     #[must_use]
     pub const fn is_finding(&self) -> bool {
-        matches!(self.motion, Motion::Field(_) | Motion::Starting { goal: Goal::Find, .. })
+        matches!(self.motion, Motion::Field(_))
     }
 
     /// Sets what is known of the winding's heat, before the first tick.
@@ -628,7 +582,10 @@ impl Servo {
             mode: self.motion.mode(),
             position: self.position,
             velocity: self.velocity,
-            setpoint: self.motion.position_loop().map_or(self.position, |control| control.setpoint.position),
+            setpoint: match self.motion.position_loop() {
+                Some(control) if self.releasing.is_none() => control.setpoint.position,
+                _ => self.position,
+            },
             setpoint_velocity: self.velocity_goal(),
             torque: self.applied.torque,
             duty: self.applied.duty,
@@ -693,11 +650,7 @@ impl Servo {
     #[must_use]
     pub fn torque(&self) -> Torque {
         match self.motion {
-            Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. }
-                if self.applied.limit.is_none() =>
-            {
-                wanted.clamp_abs(self.tuning.most)
-            }
+            Motion::Torque(wanted) if self.applied.limit.is_none() => wanted.clamp_abs(self.tuning.most),
             _ => self.applied.torque,
         }
     }
@@ -726,15 +679,15 @@ impl Servo {
                 self.move_to_end(false);
             }
             Command::MoveToEnd => self.enter_mode_5(false),
-            Command::TorqueControlled { way } => self.replace(Goal::TorqueControlled { way }),
+            Command::TorqueControlled { way } => self.replace(Motion::TorqueControlled { way }),
             Command::Home => {
                 self.homed = false;
-                self.replace(Goal::SeekStop);
+                self.replace(Motion::Home { stage: Homing::Seek, way: 0 });
             }
             Command::Find => {
                 self.homed = false;
                 self.faults.clear();
-                self.begin(Goal::Find);
+                self.begin(Motion::Field(Torque::ZERO));
             }
             Command::Terminate => self.terminate(),
             Command::Configure(config) => self.configure(config),
@@ -781,18 +734,18 @@ impl Servo {
             Mode::Trapezoidal => self.enter_mode_5(true),
             _ if mode == self.motion.mode() => {}
             Mode::Idle => self.terminate(),
-            Mode::Torque => self.replace(Goal::Torque(Torque::ZERO)),
-            Mode::Pid => self.replace(Goal::Position { at: None, pid: self.carried_pid() }),
-            Mode::Velocity => self.replace(Goal::Velocity),
+            Mode::Torque => self.replace(Motion::Torque(Torque::ZERO)),
+            Mode::Pid => {
+                self.replace(Motion::Position { control: self.at_rest_with(self.carried_pid()), to: None })
+            }
+            Mode::Velocity => self.replace(Motion::Velocity),
         }
     }
 
     /// HI and FIND are in mode 5 at times, and go on.
     fn enter_mode_5(&mut self, holds: bool) {
         match self.motion {
-            Motion::Zero { .. }
-            | Motion::Field(_)
-            | Motion::Starting { goal: Goal::Zero | Goal::Find, .. } => {}
+            Motion::Zero { .. } | Motion::Field(_) => {}
             _ => self.move_to_end(holds),
         }
     }
@@ -800,23 +753,23 @@ impl Servo {
     /// A move under way goes on; it ends as its last order says.
     fn move_to_end(&mut self, holds: bool) {
         match &mut self.motion {
-            Motion::Move { holds: held, .. }
-            | Motion::Starting { goal: Goal::Move { holds: held, .. }, .. } => {
-                *held = holds;
-            }
-            _ => self.replace(Goal::Move { pid: self.carried_pid(), holds }),
+            Motion::Move { holds: held, .. } => *held = holds,
+            _ => self.replace(Motion::Move {
+                control: self.at_rest_with(self.carried_pid()),
+                breakaway: Breakaway::default(),
+                arrival: Arrival::of(false),
+                holds,
+            }),
         }
     }
 
     /// Between hold and move the load stays carried; from any other motion the integrator starts empty.
     fn carried_pid(&self) -> PidState {
-        match &self.motion {
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
-                control.pid
-            }
-            Motion::Starting { goal: Goal::Position { pid, .. } | Goal::Move { pid, .. }, .. } => *pid,
-            _ => PidState::default(),
-        }
+        self.motion.position_loop().map_or(PidState::default(), |control| control.pid)
+    }
+
+    const fn at_rest_with(&self, pid: PidState) -> PositionLoop {
+        PositionLoop::at_rest(self.position, pid)
     }
 
     /// Idles at once, regardless of HOLD; if a host awaits the motion, reports it as aborted.
@@ -830,32 +783,30 @@ impl Servo {
     }
 
     /// Replaces the present motion; if a host awaits it, reports it as aborted.
-    fn replace(&mut self, goal: Goal) {
+    fn replace(&mut self, motion: Motion) {
         if self.motion.is_awaited() {
-            self.report(Event::Ended { reason: EndReason::Aborted, mode: goal.mode() });
+            self.report(Event::Ended { reason: EndReason::Aborted, mode: motion.mode() });
         }
-        if matches!(self.motion, Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. }) {
+        if matches!(self.motion, Motion::Velocity) {
             self.velocity_wanted = CountsPerSec::ZERO;
         }
-        self.begin(goal);
+        self.begin(motion);
     }
 
-    fn begin(&mut self, goal: Goal) {
+    fn begin(&mut self, motion: Motion) {
         let brake_ms = match self.motion {
             Motion::Idle => 0,
-            Motion::Starting { brake_ms, .. } => brake_ms,
-            _ => self.tuning.config.brake_ms,
+            _ => self.releasing.unwrap_or(self.tuning.config.brake_ms),
         };
         self.ended = None;
-        self.motion = Motion::Starting { goal, brake_ms };
+        self.motion = motion;
+        self.releasing = Some(brake_ms);
     }
 
     fn set_position(&mut self, position: i32) {
         match &mut self.motion {
-            Motion::Starting { goal: Goal::Position { at, .. }, .. } => *at = Some(position),
-            Motion::Position(control) => {
-                control.set_end(Counts::from_int(position));
-            }
+            Motion::Position { to, .. } if self.releasing.is_some() => *to = Some(position),
+            Motion::Position { control, .. } => control.set_end(Counts::from_int(position)),
             Motion::Idle => {
                 self.zero = self.count.wrapping_sub(position);
                 let shift = position.wrapping_sub(self.position.round());
@@ -868,7 +819,7 @@ impl Servo {
 
     fn set_torque(&mut self, torque: Torque) {
         match &mut self.motion {
-            Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. } => *wanted = torque,
+            Motion::Torque(wanted) => *wanted = torque,
             // Refused by `Command::allowed_in`.
             _ => {}
         }
@@ -886,10 +837,8 @@ impl Servo {
     /// V takes over from TC and TO; it does not disturb HI.
     fn set_velocity(&mut self, velocity: CountsPerSec) {
         self.velocity_wanted = velocity;
-        match &mut self.motion {
-            Motion::TorqueControlled { .. } | Motion::Pressing { .. } => self.motion = Motion::Velocity,
-            Motion::Starting { goal: goal @ Goal::TorqueControlled { .. }, .. } => *goal = Goal::Velocity,
-            _ => {}
+        if let Motion::TorqueControlled { .. } | Motion::Pressing { .. } = self.motion {
+            self.motion = Motion::Velocity;
         }
     }
 
@@ -949,40 +898,37 @@ impl Servo {
         if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
         }
-        match self.motion {
-            Motion::Idle => {
+        if matches!(self.motion, Motion::Idle) {
+            self.rest(counted);
+            self.limiter.idle(&self.tuning.figures.scale, sense.bus);
+            return IDLE;
+        }
+        if let Some(brake_ms) = self.releasing {
+            if !due {
                 self.rest(counted);
-                self.limiter.idle(&self.tuning.figures.scale, sense.bus);
+                self.releasing = Some(brake_ms.saturating_add(1));
+                self.applied = AppliedTorque::OFF;
+                return Drive { duty: None, brake_released: true };
+            }
+            self.start();
+            if matches!(self.motion, Motion::Idle) {
                 return IDLE;
             }
-            Motion::Starting { goal, brake_ms } => {
-                if !due {
-                    self.rest(counted);
-                    self.motion = Motion::Starting { goal, brake_ms: brake_ms.saturating_add(1) };
-                    self.applied = AppliedTorque::OFF;
-                    return Drive { duty: None, brake_released: true };
-                }
-                self.start(goal);
-                if matches!(self.motion, Motion::Idle) {
-                    return IDLE;
-                }
-            }
+        } else if self.is_finding() {
             // Counted by the wiring that is to be replaced.
-            Motion::Field(_) => self.velocity = CountsPerSec::ZERO,
-            _ => {}
+            self.velocity = CountsPerSec::ZERO;
         }
         if !self.direction.is_right() && self.watches(counted) && self.watch_direction() {
             self.applied = AppliedTorque::OFF;
             return Drive { duty: None, brake_released: true };
         }
         if self.check_end(counted, sense) {
-            match self.motion {
-                Motion::Idle => return IDLE,
-                Motion::Starting { .. } => {
-                    self.resting = false;
-                    return self.drive();
-                }
-                _ => {}
+            if matches!(self.motion, Motion::Idle) {
+                return IDLE;
+            }
+            if self.releasing.is_some() {
+                self.resting = false;
+                return self.drive();
             }
         }
         let most = self.thermal.most();
@@ -1044,91 +990,76 @@ impl Servo {
 
     /// Whether a motion starts in this tick: its brake has released.
     fn is_due(&self) -> bool {
-        match self.motion {
-            Motion::Starting { goal, brake_ms } => {
-                // HI must press for a while to find a stop, also after a motion that has just stalled there; and a zero in the stop is reached
-                // by a rotor that has just pressed.
-                let presses = match goal {
-                    Goal::SeekStop => true,
-                    Goal::Zero => self.tuning.config.ioff == 0,
-                    _ => false,
-                };
-                let rests = presses && self.stall.is_over_half(self.tstop());
-                brake_ms >= self.tuning.config.brake_ms && !rests
-            }
+        let Some(brake_ms) = self.releasing else { return false };
+        // HI must press for a while to find a stop, also after a motion that has just stalled there; and a zero in the stop is reached
+        // by a rotor that has just pressed.
+        let presses = match self.motion {
+            Motion::Home { .. } => true,
+            Motion::Zero { .. } => self.tuning.config.ioff == 0,
             _ => false,
-        }
+        };
+        let rests = presses && self.stall.is_over_half(self.tstop());
+        brake_ms >= self.tuning.config.brake_ms && !rests
     }
 
-    /// Starts a motion.
+    /// Starts the motion: its brake has released.
     #[inline(never)]
-    fn start(&mut self, goal: Goal) {
+    fn start(&mut self) {
+        self.releasing = None;
         if !self.direction.is_right() && self.applied == AppliedTorque::OFF {
             self.set_direction(self.at_rest());
         }
-        let position = self.exact_position();
         // What a hold has taken for a load may be friction.
-        match goal.mode() {
+        match self.motion.mode() {
             Mode::Trapezoidal => self.observer.leave_rest(),
             Mode::Pid => {}
             _ => self.observer.forget_load(),
         }
-        match goal {
-            Goal::Torque(torque) => self.motion = Motion::Torque(torque),
-            Goal::Position { at, pid } => {
-                let mut control = PositionLoop::at_rest(at.map_or(self.cell(), |_| position), pid);
-                if let Some(at) = at {
-                    control.set_end(Counts::from_int(at));
+        let (position, cell) = (self.exact_position(), self.cell());
+        match &mut self.motion {
+            Motion::Position { control, to } => {
+                *control = PositionLoop::at_rest(if to.is_some() { position } else { cell }, control.pid);
+                if let Some(to) = *to {
+                    control.set_end(Counts::from_int(to));
                 }
-                self.motion = Motion::Position(control);
             }
-            Goal::Velocity => {
-                self.motion = Motion::Velocity;
-                // A hold's torque would hide that the motion must rest.
-                self.applied = AppliedTorque::OFF;
-            }
-            Goal::Find => {
-                self.motion = Motion::Field(Torque::ZERO);
+            // A hold's torque would hide that the motion must rest.
+            Motion::Velocity => self.applied = AppliedTorque::OFF,
+            Motion::Field(_) => {
                 self.set_direction(Direction::standing(&self.tuning.figures.starts, self.count));
             }
-            Goal::TorqueControlled { way } => self.motion = Motion::TorqueControlled { way },
-            Goal::SeekStop => self.motion = Motion::Home { stage: Homing::Seek, way: 0 },
-            Goal::Move { pid, holds } => {
-                self.motion = Motion::Move {
-                    control: PositionLoop::at_rest(position, pid),
-                    breakaway: Breakaway::default(),
-                    arrival: Arrival::of(false),
-                    holds,
-                };
-            }
-            Goal::Zero => {
+            Motion::Move { control, .. } => *control = PositionLoop::at_rest(position, control.pid),
+            Motion::Zero { control, .. } => {
                 // An IOFF that leads into the stop does not leave it: it would press for another TSTOP.
                 self.stall.forget(Way::closing_if(self.tuning.config.ioff < 0));
-                self.motion = Motion::Zero {
-                    control: PositionLoop::at_rest(position, PidState::default()),
-                    arrival: Arrival::of(false),
-                };
+                *control = PositionLoop::at_rest(position, control.pid);
             }
+            Motion::Idle
+            | Motion::Torque(_)
+            | Motion::TorqueControlled { .. }
+            | Motion::Pressing { .. }
+            | Motion::Home { .. } => {}
         }
         // Into the obstacle at which the last motion has just stalled, a move would push until its set-point is a count ahead.
-        let end = match goal {
-            Goal::Move { .. } => Some(self.end),
-            Goal::Position { at, .. } => at,
+        let here = self.position.round();
+        let ahead = match self.motion {
+            Motion::Move { .. } => Some(self.end),
+            Motion::Position { to, .. } => to.filter(|&to| to != here),
             _ => None,
         };
-        let here = self.position.round();
-        if end.is_some_and(|end| {
-            (end != here || matches!(goal, Goal::Move { .. }))
-                && self.stall.is_over(Way::closing_if(end > here), self.tuning.config.tstop)
-        }) {
+        if ahead.is_some_and(|end| self.stall.is_over(Way::closing_if(end > here), self.tuning.config.tstop))
+        {
             self.finish(EndReason::Stalled);
         } else {
             self.plan();
         }
     }
 
-    /// Heads for the end from the present set-point.
+    /// Heads for the end from the present set-point, once the motion has started.
     fn plan(&mut self) {
+        if self.releasing.is_some() {
+            return;
+        }
         let (control, arrival, end) = match &mut self.motion {
             Motion::Move { control, arrival, .. } => (control, arrival, self.end),
             Motion::Zero { control, arrival } => (control, arrival, self.tuning.config.ioff),
@@ -1175,7 +1106,7 @@ impl Servo {
     /// Includes the damping that the control law lacks.
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
         match self.motion {
-            Motion::Idle | Motion::Starting { .. } => Torque::ZERO,
+            Motion::Idle => Torque::ZERO,
             Motion::Field(wanted) | Motion::Torque(wanted) => {
                 self.resting = true;
                 wanted
@@ -1197,7 +1128,9 @@ impl Servo {
                 let beyond = CountsPerSec(velocity.saturating_sub(ordered));
                 damped(torque, beyond, missing)
             }
-            Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. } => self.position_torque(envelope),
+            Motion::Position { .. } | Motion::Move { .. } | Motion::Zero { .. } => {
+                self.position_torque(envelope)
+            }
         }
     }
 
@@ -1205,7 +1138,7 @@ impl Servo {
     fn position_torque(&mut self, envelope: &TorqueEnvelope) -> Torque {
         let position = self.exact_position();
         let (control, arrival, ramps) = match &mut self.motion {
-            Motion::Position(control) => (control, None, &self.tuning.step_ramps),
+            Motion::Position { control, .. } => (control, None, &self.tuning.step_ramps),
             Motion::Move { control, arrival, .. } | Motion::Zero { control, arrival } => {
                 arrival.push(&self.tuning.figures.rest, self.applied.torque);
                 (control, Some(arrival), &self.tuning.ramps)
@@ -1286,18 +1219,13 @@ impl Servo {
 
     fn velocity_goal(&self) -> CountsPerSec {
         match self.motion {
-            Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. } => self.velocity_wanted,
-            Motion::TorqueControlled { way }
-            | Motion::Pressing { way }
-            | Motion::Starting { goal: Goal::TorqueControlled { way }, .. } => self.tuning.press_speed(way),
+            Motion::Velocity => self.velocity_wanted,
+            Motion::TorqueControlled { way } | Motion::Pressing { way } => self.tuning.press_speed(way),
             Motion::Home { stage, .. } => self.homing_velocity(stage),
-            Motion::Starting { goal: Goal::SeekStop, .. } => self.homing_velocity(Homing::Seek),
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
-                control.setpoint.velocity
-            }
-            Motion::Idle | Motion::Starting { .. } | Motion::Torque(_) | Motion::Field(_) => {
-                CountsPerSec::ZERO
-            }
+            Motion::Position { control, .. }
+            | Motion::Move { control, .. }
+            | Motion::Zero { control, .. } => control.setpoint.velocity,
+            Motion::Idle | Motion::Torque(_) | Motion::Field(_) => CountsPerSec::ZERO,
         }
     }
 
@@ -1363,10 +1291,9 @@ impl Servo {
             }
             Motion::Pressing { .. } => return false,
             Motion::Idle
-            | Motion::Starting { .. }
             | Motion::Field(_)
             | Motion::Torque(_)
-            | Motion::Position(_)
+            | Motion::Position { .. }
             | Motion::Velocity
             | Motion::TorqueControlled { .. } => None,
         };
@@ -1398,7 +1325,10 @@ impl Servo {
                 self.enter(Homing::Return { stop });
             }
             Homing::Return { .. } if stalled && self.presses() && at.abs() <= SAME_STOP => {
-                self.begin(Goal::Zero);
+                self.begin(Motion::Zero {
+                    control: self.at_rest_with(PidState::default()),
+                    arrival: Arrival::of(false),
+                });
                 return true;
             }
             Homing::Leave { .. } | Homing::Return { .. } if stalled || is_over(PROVE_WAY) => {
@@ -1466,7 +1396,7 @@ impl Servo {
     /// The way in which the motor is driven away from rest, so that a missing hall count is a stall.
     fn drives(&self, tstop: u16) -> Option<Way> {
         match &self.motion {
-            Motion::Idle | Motion::Starting { .. } | Motion::Field(_) => None,
+            Motion::Idle | Motion::Field(_) => None,
             Motion::Torque(wanted) => Way::of(i32::from(wanted.0)),
             // These run until something stops them, however little torque a low gain asks for.
             Motion::TorqueControlled { way } | Motion::Pressing { way } => Some(*way),
@@ -1482,7 +1412,9 @@ impl Servo {
             Motion::Zero { .. } if self.tuning.config.accel == 0 => {
                 Some(Way::closing_if(self.tuning.config.ioff > 0))
             }
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
+            Motion::Position { control, .. }
+            | Motion::Move { control, .. }
+            | Motion::Zero { control, .. } => {
                 if self.stall.may_be_over(tstop)
                     && let way @ Some(_) = self.is_blocked(control, tstop)
                 {
@@ -1523,12 +1455,7 @@ impl Servo {
 
     fn tstop(&self) -> u16 {
         let tstop = self.tuning.config.tstop;
-        let homes = matches!(
-            self.motion,
-            Motion::Home { .. }
-                | Motion::Zero { .. }
-                | Motion::Starting { goal: Goal::SeekStop | Goal::Zero, .. }
-        );
+        let homes = matches!(self.motion, Motion::Home { .. } | Motion::Zero { .. });
         if homes { tstop.max(HOMING_TSTOP_MIN) } else { tstop }
     }
 
@@ -1539,7 +1466,7 @@ impl Servo {
 
     fn idle(&mut self) {
         self.velocity_wanted = CountsPerSec::ZERO;
-        self.motion = Motion::Idle;
+        (self.motion, self.releasing) = (Motion::Idle, None);
         self.applied = AppliedTorque::OFF;
     }
 
@@ -1583,12 +1510,11 @@ impl Servo {
             // It was pushing, against an obstacle maybe.
             self.observer.forget_load();
         }
-        self.motion = match self.motion {
-            Motion::Move { control, .. } if arrived => {
-                Motion::Position(PositionLoop::at_rest(self.cell(), control.pid))
-            }
-            _ => Motion::Position(PositionLoop::at_rest(self.cell(), PidState::default())),
+        let pid = match self.motion {
+            Motion::Move { control, .. } if arrived => control.pid,
+            _ => PidState::default(),
         };
+        self.motion = Motion::Position { control: PositionLoop::at_rest(self.cell(), pid), to: None };
     }
 
     fn fail(&mut self, fault: Fault) {

@@ -64,11 +64,11 @@ fn stage(bench: &Bench) -> Option<Homing> {
 
 /// Stages of HI in their order; the first of each is where the cross product begins.
 const STAGES: [fn(&Bench) -> bool; 5] = [
-    |bench| matches!(bench.servo.motion, Motion::Starting { goal: Goal::SeekStop, .. }),
-    |bench| matches!(stage(bench), Some(Homing::Seek)),
+    |bench| matches!(stage(bench), Some(Homing::Seek)) && bench.servo.releasing.is_some(),
+    |bench| matches!(stage(bench), Some(Homing::Seek)) && bench.servo.releasing.is_none(),
     |bench| matches!(stage(bench), Some(Homing::Leave { .. })),
     |bench| matches!(stage(bench), Some(Homing::Return { .. })),
-    |bench| matches!(bench.servo.motion, Motion::Zero { .. }),
+    |bench| matches!(bench.servo.motion, Motion::Zero { .. }) && bench.servo.releasing.is_none(),
 ];
 
 fn at_stage(kind: Joint, is_there: fn(&Bench) -> bool) -> (Bench, Rotor) {
@@ -377,7 +377,8 @@ fn homing_without_velocity_or_torque_above_friction_is_refused() {
 #[test]
 fn torque_goes_on_until_the_way_to_zero_begins() {
     let (mut bench, rotor) = at_stage(Joint::Tip, STAGES[3]);
-    let is_starting = |bench: &Bench| matches!(bench.servo.motion, Motion::Starting { goal: Goal::Zero, .. });
+    let is_starting =
+        |bench: &Bench| matches!(bench.servo.motion, Motion::Zero { .. }) && bench.servo.releasing.is_some();
     let mut before = None;
     for _ in 0..HI_MS {
         rotor.tick(&mut bench);

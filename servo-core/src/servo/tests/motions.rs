@@ -37,8 +37,15 @@ fn to_zero(control: PositionLoop) -> Motion {
     Motion::Zero { control, arrival: Arrival::of(false) }
 }
 
-const fn starting(goal: Goal) -> Motion {
-    Motion::Starting { goal, brake_ms: 0 }
+const fn held(control: PositionLoop) -> Motion {
+    Motion::Position { control, to: None }
+}
+
+/// A bench whose motion waits for its brake, energized for so long.
+fn starting(motion: Motion, brake_ms: u16) -> Bench {
+    let mut bench = with(motion);
+    bench.servo.releasing = Some(brake_ms);
+    bench
 }
 
 const fn home(stage: Homing) -> Motion {
@@ -56,21 +63,12 @@ struct Row {
     needs_host: bool,
 }
 
-fn rows() -> [Row; 21] {
-    let pid = PidState::default();
+fn rows() -> [Row; 13] {
     let of = |motion, mode, awaited, needs_host| Row { motion, mode, awaited, needs_host };
     [
         of(Motion::Idle, Mode::Idle, false, false),
-        of(starting(Goal::Torque(Torque(5))), Mode::Torque, false, true),
-        of(starting(Goal::Position { at: None, pid }), Mode::Pid, false, false),
-        of(starting(Goal::Velocity), Mode::Velocity, false, true),
-        of(starting(Goal::TorqueControlled { way: Way::Closing }), Mode::Velocity, true, false),
-        of(starting(Goal::Move { pid, holds: false }), Mode::Trapezoidal, true, false),
-        of(starting(Goal::Find), Mode::Trapezoidal, true, false),
-        of(starting(Goal::SeekStop), Mode::Velocity, true, false),
-        of(starting(Goal::Zero), Mode::Trapezoidal, true, false),
         of(Motion::Torque(Torque(5)), Mode::Torque, false, true),
-        of(Motion::Position(at(0)), Mode::Pid, false, false),
+        of(held(at(0)), Mode::Pid, false, false),
         of(Motion::Velocity, Mode::Velocity, false, true),
         of(Motion::TorqueControlled { way: Way::Opening }, Mode::Velocity, true, false),
         of(Motion::Pressing { way: Way::Closing }, Mode::Velocity, false, false),
@@ -92,13 +90,12 @@ fn motion_has_the_mode_and_the_host_that_it_needs() {
             (mode, awaited, needs_host),
             "{motion:?}"
         );
-        let has_loop = matches!(motion, Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. });
+        let has_loop = matches!(motion, Motion::Position { .. } | Motion::Move { .. } | Motion::Zero { .. });
         assert_eq!(motion.position_loop().is_some(), has_loop, "{motion:?}");
-        let mut bench = Bench::new(Joint::Spread);
-        bench.servo.motion = motion;
-        let finding = matches!(motion, Motion::Field(_) | Motion::Starting { goal: Goal::Find, .. });
-        assert_eq!(bench.servo.is_finding(), finding, "{motion:?}");
-        assert_eq!(bench.servo.has_field(), matches!(motion, Motion::Field(_)), "{motion:?}");
+        let finding = matches!(motion, Motion::Field(_));
+        let (bench, waiting) = (with(motion), starting(motion, 0));
+        assert_eq!((bench.servo.is_finding(), waiting.servo.is_finding()), (finding, finding), "{motion:?}");
+        assert_eq!((bench.servo.has_field(), waiting.servo.has_field()), (finding, false), "{motion:?}");
     }
 }
 
@@ -106,12 +103,7 @@ fn motion_has_the_mode_and_the_host_that_it_needs() {
 #[test]
 fn stall_time_of_homing_has_a_floor() {
     for Row { motion, .. } in rows() {
-        let homes = matches!(
-            motion,
-            Motion::Home { .. }
-                | Motion::Zero { .. }
-                | Motion::Starting { goal: Goal::SeekStop | Goal::Zero, .. }
-        );
+        let homes = matches!(motion, Motion::Home { .. } | Motion::Zero { .. });
         for tstop in [0, 249, 251] {
             let mut bench = Bench::new(Joint::Spread);
             bench.servo.tuning.config.tstop = tstop;
@@ -137,7 +129,6 @@ fn motor_is_driven_where_its_motion_pushes() {
     let short = PositionLoop::at_rest(Counts::from_int(1).wrapping_sub(delta), PidState::default());
     for (motion, expected) in [
         (Motion::Idle, None),
-        (starting(Goal::Velocity), None),
         (Motion::Field(Torque(5)), None),
         (Motion::Torque(Torque(5)), Some(Way::Closing)),
         (Motion::Torque(Torque(-5)), Some(Way::Opening)),
@@ -146,10 +137,10 @@ fn motor_is_driven_where_its_motion_pushes() {
         (Motion::Pressing { way: Way::Opening }, Some(Way::Opening)),
         (Motion::Velocity, None),
         // A set-point a whole count ahead.
-        (Motion::Position(short), None),
-        (Motion::Position(at(1)), Some(Way::Closing)),
-        (Motion::Position(at(2)), Some(Way::Closing)),
-        (Motion::Position(at(-2)), Some(Way::Opening)),
+        (held(short), None),
+        (held(at(1)), Some(Way::Closing)),
+        (held(at(2)), Some(Way::Closing)),
+        (held(at(-2)), Some(Way::Opening)),
         (to_end(at(2)), Some(Way::Closing)),
         (to_zero(at(-2)), Some(Way::Opening)),
         // IVEL of a spread is −200.
@@ -243,10 +234,8 @@ fn move_without_a_way_ends_at_once_unless_the_motor_is_driven() {
         bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
         (0..400).for_each(|_| _ = bench.tick());
         bench.servo.applied.torque = Torque(torque);
-        bench.servo.motion = Motion::Starting {
-            goal: Goal::Move { pid: PidState::default(), holds: false },
-            brake_ms: bench.servo.tuning.config.brake_ms,
-        };
+        bench.servo.motion = to_end(at(0));
+        bench.servo.releasing = Some(bench.servo.tuning.config.brake_ms);
         let ended = (0..200).find(|_| {
             bench.tick();
             bench.servo.telemetry().end.is_some()
@@ -262,7 +251,7 @@ fn hold_after_an_arrival_alone_keeps_the_integral() {
         let mut bench = Bench::new(Joint::Spread);
         bench.servo.motion = to_end(PositionLoop { pid: loaded(), ..at(0) });
         bench.servo.hold(reason);
-        let Motion::Position(control) = bench.servo.motion else { panic!("{:?}", bench.servo.motion) };
+        let Motion::Position { control, .. } = bench.servo.motion else { panic!("{:?}", bench.servo.motion) };
         let expected = if reason == EndReason::Arrived { loaded() } else { PidState::default() };
         assert_eq!(control.pid, expected, "{reason:?}");
     }
@@ -271,7 +260,7 @@ fn hold_after_an_arrival_alone_keeps_the_integral() {
 /// Torque of the position law for a rotor at rest in the center of cell 1, whose velocity is read as `velocity`.
 fn torque_of(control: PositionLoop, velocity: i16, config: Change) -> i16 {
     let mut servo = Servo::new(config(Joint::Spread.config()), 1);
-    servo.motion = Motion::Position(control);
+    servo.motion = held(control);
     servo.position = Counts::from_int(1);
     servo.velocity = CountsPerSec::from_int(velocity);
     let envelope = servo.limiter.envelope(
@@ -377,15 +366,13 @@ fn velocity_goal_is_that_of_the_motion() {
         (Motion::Torque(Torque(5)), 0),
         (Motion::Field(Torque(5)), 0),
         (Motion::Velocity, 33),
-        (starting(Goal::Velocity), 33),
-        (starting(Goal::Zero), 0),
+        (to_zero(at(0)), 0),
         (Motion::TorqueControlled { way: Way::Closing }, 900),
         (Motion::Pressing { way: Way::Opening }, -800),
-        (starting(Goal::TorqueControlled { way: Way::Opening }), -800),
+        (Motion::TorqueControlled { way: Way::Opening }, -800),
         (home(Homing::Seek), -200),
-        (starting(Goal::SeekStop), -200),
         (home(Homing::Leave { stop: Way::Opening }), 200),
-        (Motion::Position(moving(0, 44)), 44),
+        (held(moving(0, 44)), 44),
         (to_end(moving(0, -44)), -44),
         (to_zero(moving(0, 44)), 44),
     ] {
@@ -403,9 +390,8 @@ fn velocity_goal_is_that_of_the_motion() {
 fn torque_reads_as_commanded_in_mode_2_unless_limited() {
     for (motion, limit, torque) in [
         (Motion::Torque(Torque(400)), None, 400),
-        (starting(Goal::Torque(Torque(400))), None, 400),
         (Motion::Torque(Torque(400)), Some(LimitCause::Torque), 77),
-        (starting(Goal::Torque(Torque(400))), Some(LimitCause::Supply), 77),
+        (Motion::Torque(Torque(400)), Some(LimitCause::Supply), 77),
         (Motion::Velocity, None, 77),
         (Motion::Idle, None, 77),
     ] {
@@ -439,12 +425,13 @@ fn direction_is_trusted_only_with_a_known_wiring() {
 #[test]
 fn field_is_set_in_find_alone_and_its_end_is_reported_once() {
     for (found, reason) in [(true, EndReason::Arrived), (false, EndReason::Aborted)] {
-        for motion in [Motion::Field(Torque(5)), starting(Goal::Find), Motion::Velocity] {
+        let field = Motion::Field(Torque(5));
+        for (motion, releasing) in [(field, None), (field, Some(0)), (Motion::Velocity, None)] {
             let mut bench = Bench::new(Joint::Spread);
-            bench.servo.motion = motion;
+            (bench.servo.motion, bench.servo.releasing) = (motion, releasing);
             bench.servo.set_field(Torque(9));
-            let is_field = matches!(bench.servo.motion, Motion::Field(Torque(9)));
-            assert_eq!(is_field, matches!(motion, Motion::Field(_)), "{motion:?}");
+            let is_set = matches!(bench.servo.motion, Motion::Field(Torque(9)));
+            assert_eq!(is_set, matches!(motion, Motion::Field(_)) && releasing.is_none(), "{motion:?}");
             bench.servo.end_field(found);
             let ends = !matches!(motion, Motion::Velocity);
             let expected = ends.then_some(Event::Ended { reason, mode: Mode::Idle });
@@ -574,12 +561,9 @@ fn motion_keeps_the_load_of_a_hold_or_move_that_it_replaces() {
     let loaded = PositionLoop { pid, ..at(0) };
 
     for (motion, carries) in [
-        (Motion::Position(loaded), true),
+        (held(loaded), true),
         (to_end(loaded), true),
         (to_zero(loaded), true),
-        (starting(Goal::Position { at: None, pid }), true),
-        (starting(Goal::Move { pid, holds: false }), true),
-        (starting(Goal::Velocity), false),
         (Motion::Velocity, false),
         (Motion::Idle, false),
     ] {
@@ -590,43 +574,35 @@ fn motion_keeps_the_load_of_a_hold_or_move_that_it_replaces() {
 
 #[test]
 fn new_goal_waits_for_the_brake_only_as_long_as_it_has_to() {
-    for (motion, ms) in [
-        (Motion::Idle, 0),
-        (Motion::Starting { goal: Goal::Velocity, brake_ms: 7 }, 7),
-        (Motion::Position(at(0)), 30),
-        (Motion::Velocity, 30),
+    for (mut bench, ms) in [
+        (with(Motion::Idle), 0),
+        (starting(Motion::Velocity, 7), 7),
+        (with(held(at(0))), 30),
+        (with(Motion::Velocity), 30),
     ] {
-        let mut bench = with(motion);
-        bench.servo.begin(Goal::Velocity);
-        let begun = matches!(bench.servo.motion, Motion::Starting { goal: Goal::Velocity, brake_ms } if brake_ms == ms);
-        assert!(begun, "{:?}", bench.servo.motion);
+        bench.servo.begin(Motion::Velocity);
+        assert!(matches!(bench.servo.motion, Motion::Velocity), "{:?}", bench.servo.motion);
+        assert_eq!(bench.servo.releasing, Some(ms));
         // A hold instead keeps the rest of that time.
         bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
-        let holds = matches!(
-            bench.servo.motion,
-            Motion::Starting { goal: Goal::Position { at: None, .. }, brake_ms } if brake_ms == ms
-        );
-        assert!(holds, "{:?}", bench.servo.motion);
+        let holds = matches!(bench.servo.motion, Motion::Position { to: None, .. });
+        assert!(holds && bench.servo.releasing == Some(ms), "{:?}", bench.servo.motion);
     }
 }
 
 #[test]
 fn motion_is_due_when_its_brake_is_free() {
-    let pid = PidState::default();
-    for goal in
-        [Goal::Move { pid, holds: false }, Goal::Zero, Goal::Velocity, Goal::Position { at: None, pid }]
-    {
+    for motion in [to_end(at(0)), to_zero(at(0)), Motion::Velocity, held(at(0))] {
         for brake_ms in [29, 30] {
-            let bench = with(Motion::Starting { goal, brake_ms });
-            assert_eq!(bench.servo.is_due(), brake_ms == 30, "{goal:?}");
+            assert_eq!(starting(motion, brake_ms).servo.is_due(), brake_ms == 30, "{motion:?}");
         }
     }
     // HI begins once half of the stall time has passed at rest.
     for (ms, due) in [(199, true), (200, false)] {
-        let mut bench = with(Motion::Starting { goal: Goal::SeekStop, brake_ms: 30 });
+        let mut bench = starting(home(Homing::Seek), 30);
         stalled_for(&mut bench, Way::Closing, ms);
         assert_eq!(bench.servo.is_due(), due, "{ms}");
-        bench.servo.motion = Motion::Starting { goal: Goal::Velocity, brake_ms: 30 };
+        bench.servo.motion = Motion::Velocity;
         assert!(bench.servo.is_due(), "{ms}");
     }
     assert!(!with(Motion::Velocity).servo.is_due());
@@ -645,7 +621,8 @@ fn move_stalls_at_once_only_towards_what_it_stalled_at() {
         let mut bench = Bench::new(Joint::Tip);
         stalled_for(&mut bench, way, 300);
         bench.servo.end = end;
-        bench.servo.start(Goal::Move { pid: PidState::default(), holds: false });
+        bench.servo.motion = to_end(at(0));
+        bench.servo.start();
         let reason = bench.servo.telemetry().end;
         assert_eq!(reason == Some(EndReason::Stalled), stalls, "{way:?} {end}: {reason:?}");
     }
@@ -656,15 +633,12 @@ fn velocity_takes_over_from_pressing_alone() {
     for (motion, takes) in [
         (Motion::TorqueControlled { way: Way::Closing }, true),
         (Motion::Pressing { way: Way::Closing }, true),
-        (starting(Goal::TorqueControlled { way: Way::Closing }), true),
         (home(Homing::Seek), false),
-        (starting(Goal::SeekStop), false),
         (Motion::Idle, false),
     ] {
         let mut bench = with(motion);
         bench.servo.set_velocity(CountsPerSec::from_int(9));
-        let is =
-            matches!(bench.servo.motion, Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. });
+        let is = matches!(bench.servo.motion, Motion::Velocity);
         assert_eq!(is, takes, "{motion:?}");
         assert_eq!(bench.servo.velocity_wanted(), CountsPerSec::from_int(9));
     }
@@ -688,19 +662,17 @@ fn only_what_shapes_a_motion_plans_it_anew() {
         (|config| Config { ioff: 90, ..config }, false, true),
         (|config| Config { kp: 61, ..config }, false, false),
     ];
-    for (goal, is_zero) in
-        [(Goal::Move { pid: PidState::default(), holds: false }, false), (Goal::Zero, true)]
-    {
+    for (motion, is_zero) in [(to_end(at(0)), false), (to_zero(at(0)), true)] {
         for (change, of_move, of_zero) in changes {
             let mut bench = Bench::new(Joint::Tip);
             bench.servo.end = 100;
-            bench.servo.motion = starting(goal);
+            (bench.servo.motion, bench.servo.releasing) = (motion, Some(0));
             (0..30).for_each(|_| _ = bench.tick());
             let ticks = profile_ticks(&bench);
             assert!((20..40).contains(&ticks), "{ticks}");
             bench.servo.command(Command::Configure(change(*bench.servo.config()))).unwrap();
             let plans = if is_zero { of_zero } else { of_move };
-            assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "{goal:?}");
+            assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "{motion:?}");
             let config = *bench.servo.config();
             bench.servo.command(Command::Configure(config)).unwrap();
             assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "the same again");
@@ -728,9 +700,7 @@ fn direction_is_watched_until_it_settles_and_at_each_count() {
 
 #[test]
 fn hall_fault_counts_unless_find_looks_for_the_wiring() {
-    for (motion, counts) in
-        [(Motion::Velocity, true), (Motion::Field(Torque(5)), false), (starting(Goal::Find), false)]
-    {
+    for (motion, counts) in [(Motion::Velocity, true), (Motion::Field(Torque(5)), false)] {
         let mut bench = with(motion);
         bench.servo.trust_position();
         bench.servo.hall(&HallEvent::Fault(HallFault::Noisy));
@@ -780,12 +750,14 @@ fn untrusted_direction_is_watched_from_where_a_motor_starts_that_was_off() {
     bench.servo.set_direction(bench.servo.at_rest());
     bench.servo.applied = AppliedTorque::OFF;
     bench.tick_to(20);
-    bench.servo.start(Goal::Velocity);
+    bench.servo.motion = Motion::Velocity;
+    bench.servo.start();
     assert_eq!(bench.servo.direction, Direction::at_rest(bench.servo.starts(), 20));
     // What drives it already goes on being judged.
     bench.servo.applied.torque = Torque(80);
     bench.servo.count = 30;
-    bench.servo.start(Goal::Velocity);
+    bench.servo.motion = Motion::Velocity;
+    bench.servo.start();
     assert_eq!(bench.servo.direction, Direction::at_rest(bench.servo.starts(), 20));
 }
 
