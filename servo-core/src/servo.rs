@@ -218,36 +218,95 @@ enum Motion {
     Zero { control: PositionLoop, arrival: Arrival },
 }
 
+/// What a host has to do with a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Host {
+    /// Nothing: it lasts until it is replaced.
+    Free,
+    /// It closes the loop: mode 2 or 4 that it has set. HI, TC and TO are in mode 4 too, but end by themselves.
+    Steers,
+    /// It waits for the end, which the motion finds by itself.
+    Waits,
+}
+
+/// What a motion wants of a tick.
+#[derive(Clone, Copy, Debug)]
+struct Demand {
+    law: Wanted,
+    /// Most torque, beside what all motions are limited to.
+    ceiling: Torque,
+    emf: Emf,
+    pushes: Pushes,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Wanted {
+    Torque(Torque),
+    Velocity(CountsPerSec, Presses),
+    /// Of the motion's [`PositionLoop`].
+    Position,
+}
+
+/// When a motion at a velocity applies all of its ceiling, or nothing.
+#[derive(Clone, Copy, Debug)]
+enum Presses {
+    /// Never.
+    No,
+    /// All, while the rotor is slower than half its approach speed; if the object gives way, the velocity loop takes over.
+    Against(Way),
+    /// All, before a missing count is taken for a stall: a joint that is wedged may need more than the loop asks for.
+    BeforeStall,
+    /// Nothing, right after a stall: RealTime enters mode 4 again at once, and must rest so that it can press again at all.
+    AfterRest,
+}
+
+/// Which EMF is compensated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Emf {
+    /// None: a field that does not follow the rotor, counted by a wiring that is to be replaced.
+    None,
+    /// Of a rotor under the torque of mode 2: its model runs on at an obstacle.
+    Under,
+    /// Of a rotor that may stand: it is not faster because its motor pushes, and MT and IHIT hold for what it feels.
+    Standing,
+    /// Of a rotor that moves, unless a limit acts.
+    Moving,
+}
+
+/// Which way a motion pushes, so that a missing hall count is a stall.
+#[derive(Clone, Copy, Debug)]
+enum Pushes {
+    /// However little torque a low gain asks for; `None`: neither way, and nothing stalls.
+    Along(Option<Way>),
+    /// Where its torque does: mode 4, which runs until something stops it.
+    ByTorque,
+    /// Where its [`PositionLoop`] does. ACCEL 0 cannot move: a move ends as a stall then, instead of never, this way.
+    OnLoop(Option<Way>),
+}
+
 impl Motion {
+    const fn kind(&self) -> (Mode, Host) {
+        match self {
+            Self::Idle => (Mode::Idle, Host::Free),
+            Self::Torque(_) => (Mode::Torque, Host::Steers),
+            Self::Position { .. } => (Mode::Pid, Host::Free),
+            Self::Velocity => (Mode::Velocity, Host::Steers),
+            Self::Pressing { .. } => (Mode::Velocity, Host::Free),
+            Self::TorqueControlled { .. } | Self::Home { .. } => (Mode::Velocity, Host::Waits),
+            Self::Move { .. } | Self::Zero { .. } | Self::Field(_) => (Mode::Trapezoidal, Host::Waits),
+        }
+    }
+
     const fn mode(&self) -> Mode {
-        match self {
-            Self::Idle => Mode::Idle,
-            Self::Torque(_) => Mode::Torque,
-            Self::Position { .. } => Mode::Pid,
-            Self::Velocity | Self::TorqueControlled { .. } | Self::Pressing { .. } | Self::Home { .. } => {
-                Mode::Velocity
-            }
-            Self::Move { .. } | Self::Zero { .. } | Self::Field(_) => Mode::Trapezoidal,
-        }
+        self.kind().0
     }
 
-    /// Whether the motion ends by itself and a host waits for that.
     const fn is_awaited(&self) -> bool {
-        match self {
-            Self::TorqueControlled { .. }
-            | Self::Move { .. }
-            | Self::Home { .. }
-            | Self::Zero { .. }
-            | Self::Field(_) => true,
-            Self::Idle | Self::Torque(_) | Self::Position { .. } | Self::Velocity | Self::Pressing { .. } => {
-                false
-            }
-        }
+        matches!(self.kind().1, Host::Waits)
     }
 
-    /// Whether the host closes the loop: mode 2 or 4 that it has set. HI, TC and TO are in mode 4 too, but end by themselves.
     const fn needs_host(&self) -> bool {
-        matches!(self, Self::Torque(_) | Self::Velocity)
+        matches!(self.kind().1, Host::Steers)
     }
 
     const fn position_loop(&self) -> Option<&PositionLoop> {
@@ -818,10 +877,9 @@ impl Servo {
     }
 
     fn set_torque(&mut self, torque: Torque) {
-        match &mut self.motion {
-            Motion::Torque(wanted) => *wanted = torque,
-            // Refused by `Command::allowed_in`.
-            _ => {}
+        // `Command::allowed_in` refuses it in the others.
+        if let Motion::Torque(wanted) = &mut self.motion {
+            *wanted = torque;
         }
     }
 
@@ -881,7 +939,27 @@ impl Servo {
         drive
     }
 
+    /// Sense, judge, demand, law, limit, drive.
     fn control(&mut self, sense: &Sense) -> Drive {
+        let (counted, due) = self.sense(sense);
+        if let Some(drive) = self.judge(sense, counted, due) {
+            return drive;
+        }
+        // What is demanded is read anew for each: kept, it would cost the tick 20 instructions.
+        let (ceiling, emf) = ((self.demand().ceiling, self.thermal.most()), self.emf(self.demand().emf));
+        let last = LastTick { current: sense.current, applied: &self.applied, counted };
+        let scale = &self.tuning.figures.scale;
+        let envelope = self.limiter.envelope(scale, ceiling, emf, sense.bus, &last);
+        let wanted = self.law(self.demand().law, &envelope);
+        let scale = &self.tuning.figures.scale;
+        self.applied = envelope.bound(scale, wanted, self.applied.torque);
+        self.forced = sense.bus > scale.bus().return_from && self.is_forced(wanted);
+        self.drive()
+    }
+
+    /// Position, velocity, heat and faults. Returns whether the count changed, and whether the motion was due to start.
+    #[inline(always)]
+    fn sense(&mut self, sense: &Sense) -> (bool, bool) {
         if sense.host_lost && self.motion.needs_host() {
             self.faults.raise(Condition::HOST_LOST);
         }
@@ -898,21 +976,28 @@ impl Servo {
         if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
         }
+        (counted, due)
+    }
+
+    /// What starts, stops or ends the motion. Returns the drive of a tick without a law.
+    #[inline(always)]
+    fn judge(&mut self, sense: &Sense, counted: bool, due: bool) -> Option<Drive> {
+        const OPEN: Drive = Drive { duty: None, brake_released: true };
         if matches!(self.motion, Motion::Idle) {
             self.rest(counted);
             self.limiter.idle(&self.tuning.figures.scale, sense.bus);
-            return IDLE;
+            return Some(IDLE);
         }
         if let Some(brake_ms) = self.releasing {
             if !due {
                 self.rest(counted);
                 self.releasing = Some(brake_ms.saturating_add(1));
                 self.applied = AppliedTorque::OFF;
-                return Drive { duty: None, brake_released: true };
+                return Some(OPEN);
             }
             self.start();
             if matches!(self.motion, Motion::Idle) {
-                return IDLE;
+                return Some(IDLE);
             }
         } else if self.is_finding() {
             // Counted by the wiring that is to be replaced.
@@ -920,27 +1005,19 @@ impl Servo {
         }
         if !self.direction.is_right() && self.watches(counted) && self.watch_direction() {
             self.applied = AppliedTorque::OFF;
-            return Drive { duty: None, brake_released: true };
+            return Some(OPEN);
         }
-        if self.check_end(counted, sense) {
-            if matches!(self.motion, Motion::Idle) {
-                return IDLE;
-            }
-            if self.releasing.is_some() {
-                self.resting = false;
-                return self.drive();
-            }
+        if !self.check_end(counted, sense) {
+            return None;
         }
-        let most = self.thermal.most();
-        let (ceiling, emf) = (self.torque_ceiling(), self.emf());
-        let last = LastTick { current: sense.current, applied: &self.applied, counted };
-        let scale = &self.tuning.figures.scale;
-        let envelope = self.limiter.envelope(scale, (ceiling, most), emf, sense.bus, &last);
-        let wanted = self.law(&envelope);
-        let scale = &self.tuning.figures.scale;
-        self.applied = envelope.bound(scale, wanted, self.applied.torque);
-        self.forced = sense.bus > scale.bus().return_from && self.is_forced(wanted);
-        self.drive()
+        if matches!(self.motion, Motion::Idle) {
+            return Some(IDLE);
+        }
+        // HI goes on from its second contact: the bridge keeps its state for a tick.
+        self.releasing.map(|_| {
+            self.resting = false;
+            self.drive()
+        })
     }
 
     /// Whether the bus takes no more returned current, so that the motor brakes harder than the law wants.
@@ -1079,13 +1156,62 @@ impl Servo {
         self.observer.exact_position().wrapping_sub(Counts::from_int(self.zero))
     }
 
-    /// The EMF that is compensated, in torque units.
-    fn emf(&self) -> i32 {
+    /// What the motion wants of this tick.
+    #[inline(always)]
+    fn demand(&self) -> Demand {
+        let most = self.tuning.most;
+        let torque = |torque: Torque, emf, pushes| Demand {
+            law: Wanted::Torque(torque),
+            ceiling: most,
+            emf,
+            pushes: Pushes::Along(pushes),
+        };
+        let velocity = |goal, presses, pushes| Demand {
+            law: Wanted::Velocity(goal, presses),
+            ceiling: most,
+            emf: Emf::Moving,
+            pushes,
+        };
+        let position = |stuck| Demand {
+            law: Wanted::Position,
+            ceiling: most,
+            emf: Emf::Moving,
+            pushes: Pushes::OnLoop(stuck),
+        };
         match self.motion {
-            // A field that does not follow the rotor, counted by a wiring that is to be replaced.
-            Motion::Field(_) => 0,
-            // The model of a rotor at an obstacle runs on.
-            Motion::Torque(wanted) => {
+            Motion::Idle => torque(Torque::ZERO, Emf::None, None),
+            Motion::Field(wanted) => torque(wanted, Emf::None, None),
+            Motion::Torque(wanted) => torque(wanted, Emf::Under, Way::of(i32::from(wanted.0))),
+            Motion::Velocity => velocity(self.velocity_wanted, Presses::AfterRest, Pushes::ByTorque),
+            Motion::TorqueControlled { way } => {
+                velocity(self.tuning.press_speed(way), Presses::No, Pushes::Along(Some(way)))
+            }
+            Motion::Pressing { way } => {
+                velocity(self.tuning.press_speed(way), Presses::Against(way), Pushes::Along(Some(way)))
+            }
+            Motion::Home { stage, .. } => {
+                let goal = self.homing_velocity(stage);
+                let way = Way::closing_if(goal > CountsPerSec::ZERO);
+                Demand {
+                    law: Wanted::Velocity(goal, Presses::BeforeStall),
+                    ceiling: self.homing_ceiling(stage),
+                    emf: Emf::Standing,
+                    pushes: Pushes::Along(Some(way)),
+                }
+            }
+            Motion::Position { .. } => position(None),
+            Motion::Move { .. } => position(Some(Way::closing_if(self.end > self.position.round()))),
+            Motion::Zero { .. } => position(Some(Way::closing_if(self.tuning.config.ioff > 0))),
+        }
+    }
+
+    /// The EMF that is compensated, in torque units.
+    #[inline(always)]
+    fn emf(&self, of: Emf) -> i32 {
+        match of {
+            Emf::None => 0,
+            Emf::Under => {
+                let Motion::Torque(wanted) = self.motion else { return 0 };
                 let used = emf(self.observer.emf(), self.observer.sure_coming_velocity());
                 let shown = emf(self.observer.nominal_emf(), self.observer.shown_coming_velocity());
                 sure_emf(used, shown, wanted)
@@ -1096,41 +1222,34 @@ impl Servo {
                 let emf = emf(self.observer.emf(), self.observer.sure_velocity());
                 if (emf < 0) == (torque < 0) { 0 } else { emf }
             }
-            // A rotor that stands is not faster because its motor pushes: MT and IHIT hold for what it feels.
-            Motion::Home { .. } => emf(self.observer.emf(), self.observer.sure_velocity()),
-            _ if self.applied.limit.is_some() => emf(self.observer.emf(), self.observer.sure_velocity()),
-            _ => emf(self.observer.emf(), self.velocity),
+            Emf::Moving if self.applied.limit.is_none() => emf(self.observer.emf(), self.velocity),
+            Emf::Moving | Emf::Standing => emf(self.observer.emf(), self.observer.sure_velocity()),
         }
     }
 
     /// Includes the damping that the control law lacks.
-    fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
-        match self.motion {
-            Motion::Idle => Torque::ZERO,
-            Motion::Field(wanted) | Motion::Torque(wanted) => {
+    #[inline(always)]
+    fn law(&mut self, wanted: Wanted, envelope: &TorqueEnvelope) -> Torque {
+        match wanted {
+            Wanted::Torque(torque) => {
                 self.resting = true;
-                wanted
+                torque
             }
-            Motion::Velocity
-            | Motion::TorqueControlled { .. }
-            | Motion::Pressing { .. }
-            | Motion::Home { .. } => {
+            Wanted::Velocity(goal, presses) => {
                 self.resting = false;
-                let torque = self.velocity_torque(envelope.most());
+                let torque = self.velocity_torque(goal, presses, envelope.most());
                 let missing = self.tuning.velocity_loop.missing_damping();
                 // Most gains damp enough.
                 if missing == Law::ZERO {
                     return torque;
                 }
                 // Damps what is faster than wanted, or turns the other way.
-                let (wanted, velocity) = (self.velocity_goal().0, self.velocity.0);
+                let (wanted, velocity) = (goal.0, self.velocity.0);
                 let ordered = velocity.max(wanted.min(Law::ZERO)).min(wanted.max(Law::ZERO));
                 let beyond = CountsPerSec(velocity.saturating_sub(ordered));
                 damped(torque, beyond, missing)
             }
-            Motion::Position { .. } | Motion::Move { .. } | Motion::Zero { .. } => {
-                self.position_torque(envelope)
-            }
+            Wanted::Position => self.position_torque(envelope),
         }
     }
 
@@ -1187,24 +1306,21 @@ impl Servo {
         self.tuning.pid.step(&mut control.pid, &errors, envelope.bounds())
     }
 
-    /// Mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the object gives way,
-    /// the velocity loop takes over. HI applies all of IHIT, or of MT to leave its stop, before it takes a joint for stalled: one that is wedged
-    /// may need more than the loop asks for.
-    fn velocity_torque(&self, most: Torque) -> Torque {
+    /// The velocity loop's torque, or all of the ceiling, or nothing.
+    fn velocity_torque(&self, goal: CountsPerSec, presses: Presses, most: Torque) -> Torque {
         let fastest = config::speed(self.tuning.figures.fastest);
-        let goal = self.velocity_goal().max(fastest.saturating_neg()).min(fastest);
+        let goal = goal.max(fastest.saturating_neg()).min(fastest);
         let half = goal.0 >> 1;
-        match self.motion {
-            Motion::Pressing { way: Way::Closing } if self.velocity.0 < half => most,
-            Motion::Pressing { way: Way::Opening } if self.velocity.0 > half => most.saturating_neg(),
-            Motion::Home { .. }
+        match presses {
+            Presses::Against(Way::Closing) if self.velocity.0 < half => most,
+            Presses::Against(Way::Opening) if self.velocity.0 > half => most.saturating_neg(),
+            Presses::BeforeStall
                 if half != Law::ZERO
                     && self.stall.is_over(Way::closing_if(half > Law::ZERO), HOMING_TSTOP_MIN / 2) =>
             {
                 if half < Law::ZERO { most.saturating_neg() } else { most }
             }
-            // RealTime enters mode 4 again right after a stall: rest first, so that it can press again at all.
-            Motion::Velocity if self.applied.torque == Torque::ZERO && self.must_rest(goal) => Torque::ZERO,
+            Presses::AfterRest if self.applied.torque == Torque::ZERO && self.must_rest(goal) => Torque::ZERO,
             _ => {
                 let friction = self.observer.friction() + self.observer.kick();
                 self.tuning.velocity_loop.step(goal, self.velocity, (friction, self.observer.load()), most)
@@ -1217,15 +1333,12 @@ impl Servo {
         Way::of(goal.0.to_bits()).is_some_and(|way| self.stall.is_over(way, self.tuning.config.tstop))
     }
 
+    /// The velocity of the set-point, for telemetry.
     fn velocity_goal(&self) -> CountsPerSec {
-        match self.motion {
-            Motion::Velocity => self.velocity_wanted,
-            Motion::TorqueControlled { way } | Motion::Pressing { way } => self.tuning.press_speed(way),
-            Motion::Home { stage, .. } => self.homing_velocity(stage),
-            Motion::Position { control, .. }
-            | Motion::Move { control, .. }
-            | Motion::Zero { control, .. } => control.setpoint.velocity,
-            Motion::Idle | Motion::Torque(_) | Motion::Field(_) => CountsPerSec::ZERO,
+        match (self.demand().law, self.motion.position_loop()) {
+            (Wanted::Velocity(goal, _), _) => goal,
+            (Wanted::Position, Some(control)) => control.setpoint.velocity,
+            (Wanted::Torque(_) | Wanted::Position, _) => CountsPerSec::ZERO,
         }
     }
 
@@ -1250,13 +1363,6 @@ impl Servo {
         }
     }
 
-    fn torque_ceiling(&self) -> Torque {
-        match self.motion {
-            Motion::Home { stage, .. } => self.homing_ceiling(stage),
-            _ => self.tuning.most,
-        }
-    }
-
     // --- the end of a motion ---------------------------------------------------------------------------------
 
     /// The stall time of a tick in which nothing is driven: a rotor that springs back from a stop meanwhile has left it.
@@ -1273,7 +1379,7 @@ impl Servo {
         let tstop = if homes { self.tstop() } else { self.tuning.config.tstop };
         let stalled = if counted && self.stall.count(self.count) {
             false
-        } else if let Some(way) = self.drives(tstop) {
+        } else if let Some(way) = self.drives(self.demand().pushes, tstop) {
             self.stall.drive(way, tstop)
         } else {
             self.stall.rest(tstop);
@@ -1394,47 +1500,38 @@ impl Servo {
     }
 
     /// The way in which the motor is driven away from rest, so that a missing hall count is a stall.
-    fn drives(&self, tstop: u16) -> Option<Way> {
-        match &self.motion {
-            Motion::Idle | Motion::Field(_) => None,
-            Motion::Torque(wanted) => Way::of(i32::from(wanted.0)),
-            // These run until something stops them, however little torque a low gain asks for.
-            Motion::TorqueControlled { way } | Motion::Pressing { way } => Some(*way),
-            Motion::Home { stage, .. } => {
-                Some(Way::closing_if(self.homing_velocity(*stage) > CountsPerSec::ZERO))
-            }
-            Motion::Velocity if self.presses_by_velocity(tstop) => Way::of(i32::from(self.applied.torque.0)),
-            Motion::Velocity => None,
-            // ACCEL 0 cannot move: such a move ends as a stall instead of never.
-            Motion::Move { .. } if self.tuning.config.accel == 0 => {
-                Some(Way::closing_if(self.end > self.position.round()))
-            }
-            Motion::Zero { .. } if self.tuning.config.accel == 0 => {
-                Some(Way::closing_if(self.tuning.config.ioff > 0))
-            }
-            Motion::Position { control, .. }
-            | Motion::Move { control, .. }
-            | Motion::Zero { control, .. } => {
+    #[inline(always)]
+    fn drives(&self, pushes: Pushes, tstop: u16) -> Option<Way> {
+        match pushes {
+            Pushes::Along(way) => way,
+            Pushes::ByTorque if self.presses_by_velocity(tstop) => self.torque_way(),
+            Pushes::ByTorque => None,
+            Pushes::OnLoop(stuck @ Some(_)) if self.tuning.config.accel == 0 => stuck,
+            Pushes::OnLoop(_) => {
+                let control = self.motion.position_loop()?;
                 if self.stall.may_be_over(tstop)
                     && let way @ Some(_) = self.is_blocked(control, tstop)
                 {
                     return way;
                 }
-                let torque = || Way::of(i32::from(self.applied.torque.0));
                 // A high KD may press a rotor on a stop that its set-point has not reached yet.
-                if self.presses() && torque() == Way::of(control.setpoint.velocity.round().into()) {
-                    return torque();
+                if self.presses() && self.torque_way() == Way::of(control.setpoint.velocity.round().into()) {
+                    return self.torque_way();
                 }
                 let elsewhere =
                     control.setpoint.done && control.setpoint.position.round() != self.position.round();
                 if elsewhere && self.applied.torque.saturating_abs() >= self.tuning.figures.friction {
-                    return torque();
+                    return self.torque_way();
                 }
                 let lag = control.lag(self.position);
                 let is_driven = lag <= DRIVEN_LAG.wrapping_neg() || lag >= DRIVEN_LAG;
                 is_driven.then_some(Way::closing_if(lag > Counts::ZERO))
             }
         }
+    }
+
+    fn torque_way(&self) -> Option<Way> {
+        Way::of(i32::from(self.applied.torque.0))
     }
 
     /// Whether a missing count in mode 4 is a stall: the torque is at a limit, or would move a joint and V would have moved it by some counts.

@@ -312,7 +312,11 @@ fn hold_at_its_end_is_not_driven_on_the_boundary_of_its_cell() {
             for sixteenths in -8..=7 {
                 let place = Counts(fixed::types::I22F10::from_num(sixteenths) / 16);
                 bench.servo.position = bench.servo.cell().wrapping_add(place);
-                assert_eq!(bench.servo.drives(config.tstop), None, "{kind:?} {end} {sixteenths}/16");
+                assert_eq!(
+                    bench.servo.drives(bench.servo.demand().pushes, config.tstop),
+                    None,
+                    "{kind:?} {end} {sixteenths}/16"
+                );
             }
         }
     }
