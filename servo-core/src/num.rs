@@ -1,9 +1,11 @@
 //! The Q-formats of the control laws and the operations that `fixed` lacks.
 //!
 //! On a Cortex-M3 a 32-bit format multiplies in one `SMULL`, a 64-bit format in a library call. The loops therefore use
-//! [`Law`].
+//! [`Law`]; what needs more digits or a wider range has a 32-bit format of its own, and [`times`] multiplies any two.
 
+use fixed::FixedI32;
 use fixed::types::I16F16;
+use fixed::types::extra::Unsigned;
 
 /// Number of a control law: errors, velocities, gains, torques.
 pub type Law = I16F16;
@@ -83,16 +85,26 @@ pub const fn product(a: Law, b: Law) -> Law {
     Law::from_bits(mul_shift(a.to_bits(), b.to_bits(), 16))
 }
 
-/// `a · b / 2^32`, rounded down: the upper word of an `SMULL`.
-#[must_use]
-pub const fn mul_upper(a: i32, b: i32) -> i32 {
-    ((a as i64 * b as i64) >> 32) as i32
-}
-
 /// `a · b / 2^shift`, rounded down; the caller guarantees that it fits. `shift` < 64.
 #[must_use]
 pub const fn mul_low(a: i32, b: i32, shift: u32) -> i32 {
     ((a as i64 * b as i64) >> shift) as i32
+}
+
+/// `a · b` in the format of the result, rounded down; the caller guarantees that it fits. `fixed` multiplies within one format; this is one
+/// `SMULL` and a shift, for any.
+#[must_use]
+pub const fn times<A: Unsigned, B: Unsigned, C: Unsigned>(a: FixedI32<A>, b: FixedI32<B>) -> FixedI32<C> {
+    FixedI32::from_bits(mul_low(a.to_bits(), b.to_bits(), A::U32 + B::U32 - C::U32))
+}
+
+/// [`times`], saturated.
+#[must_use]
+pub const fn times_saturated<A: Unsigned, B: Unsigned, C: Unsigned>(
+    a: FixedI32<A>,
+    b: FixedI32<B>,
+) -> FixedI32<C> {
+    FixedI32::from_bits(mul_shift(a.to_bits(), b.to_bits(), A::U32 + B::U32 - C::U32))
 }
 
 /// [`mul_low`] of unsigned numbers.
@@ -255,6 +267,20 @@ mod tests {
             prop_assert_eq!((i128::from(x) - i128::from(low)) % (1 << 32), 0);
             prop_assert_eq!(i64::from(low_word(low)), low);
         }
+    }
+
+    #[test]
+    fn product_of_two_formats_has_that_of_its_result() {
+        use fixed::types::extra::{U4, U20, U28};
+        // −1¾ · 3 is −5¼.
+        let (a, b) = (FixedI32::<U28>::from_bits(-7 << 26), FixedI32::<U4>::from_num(3));
+        let product: FixedI32<U20> = times(a, b);
+        assert_eq!(product.to_bits(), -21 << 18);
+        // Rounded down, to a unit of the result.
+        let product: FixedI32<U4> = times(FixedI32::<U20>::DELTA, -b);
+        assert_eq!(product, -FixedI32::<U4>::DELTA);
+        let saturated: FixedI32<U28> = times_saturated(a, FixedI32::<U4>::MAX);
+        assert_eq!(saturated, FixedI32::<U28>::MIN);
     }
 
     #[test]

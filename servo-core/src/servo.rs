@@ -20,7 +20,7 @@ use crate::motion::profile::{MoveLimits, Profile, Ramps, Reach, SetPoint};
 use crate::motion::torque::{damped, emf, sure_emf};
 use crate::motion::velocity_loop::VelocityLoop;
 use crate::motor::{BoardFigures, Motor, Unfit};
-use crate::num::{Law, TICK_HZ, mul_clamped, mul_low, mul_low_unsigned, saturating_i16};
+use crate::num::{Law, TICK_HZ, mul_clamped, mul_low, mul_low_unsigned, saturating_i16, times};
 use crate::sense::hall::{HallEdge, HallEvent};
 use crate::sense::observer::{Model, Observer, Push};
 use crate::units::{Counts, CountsPerSec, Torque};
@@ -370,7 +370,7 @@ fn carried(observer: &Observer, stage: Stage, goal: Law, error: Law) -> (Law, La
             } else if share <= -ONE {
                 -friction
             } else {
-                Law::from_bits(mul_low(friction.to_bits(), share, 16))
+                times(friction, Law::from_bits(share))
             }
         }
         // Friction holds a resting rotor with what is too little, or too much: half of it lets neither a wrong load nor a missing one move it.

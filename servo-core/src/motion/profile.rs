@@ -25,9 +25,11 @@
 //!
 //! Velocities and accelerations in 2^-26 counts and ticks of 1 ms, the way in 2^-27 counts, so that the sum of two velocities is exact.
 
-use crate::num::{Law, mul_low, mul_upper, ratio_of_square};
+use crate::num::{Law, ratio_of_square, times};
 use crate::units::{Counts, CountsPerSec};
+use fixed::FixedI32;
 use fixed::types::I22F10;
+use fixed::types::extra::{U22, U26, U40};
 
 #[cfg(test)]
 mod tests;
@@ -68,9 +70,17 @@ impl MoveLimits {
     }
 }
 
-/// 2^-16 counts/s in 2^-26 counts a tick: 2^10/1000.
+/// Counts a tick.
+type PerTick = FixedI32<U26>;
+/// A tick, s.
+const TICK: FixedI32<U40> = FixedI32::from_bits(1_099_511_628);
+/// Half of the ticks in a second: twice a velocity fits.
+const HALF_RATE: FixedI32<U22> = FixedI32::from_bits(500 << 22);
+
+/// A velocity in 2^-26 counts a tick.
 const fn per_tick(velocity: CountsPerSec) -> i32 {
-    mul_low(velocity.0.to_bits(), 1_099_511_628, 30)
+    let velocity: PerTick = times(velocity.0, TICK);
+    velocity.to_bits()
 }
 
 /// [`MoveLimits`] in counts and ticks.
@@ -169,9 +179,9 @@ impl Profile {
     }
 
     fn set_point(&self, before: i32) -> SetPoint {
-        // Within ±2^22 counts of 2^-10, as every difference of positions. 125/2^7 from 2^-26 a tick to 2^-16 a second; twice a velocity fits.
+        // Within ±2^22 counts of 2^-10, as every difference of positions.
         let left = Counts(I22F10::from_bits(crate::num::low_word((self.left + (1 << 16)) >> 17)));
-        let law = |velocity: i32| Law::from_bits(mul_upper(2 * velocity, 125 << 24));
+        let law = |velocity: i32| -> Law { times(PerTick::from_bits(2 * velocity), HALF_RATE) };
         SetPoint {
             position: self.end.wrapping_sub(left),
             velocity: CountsPerSec(law(self.velocity)),

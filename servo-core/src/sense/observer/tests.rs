@@ -5,6 +5,24 @@ use crate::motor;
 use crate::way::Way;
 use proptest::prelude::*;
 
+/// What the tests reckon with are bits: counts in 2^-20, the rest in 2^-16.
+const COUNT: i32 = super::COUNT.to_bits();
+const ONE: i32 = super::ONE.to_bits();
+const BEYOND: i32 = super::BEYOND.to_bits();
+const KEEP_LEAST: i32 = super::KEEP_LEAST.to_bits();
+
+const fn place(bits: i32) -> Place {
+    Place::from_bits(bits)
+}
+
+const fn law(bits: i32) -> Law {
+    Law::from_bits(bits)
+}
+
+fn keep(interval: i32) -> i32 {
+    super::keep(interval).to_bits()
+}
+
 /// One count/s.
 const SPEED: i32 = 1 << 16;
 
@@ -89,16 +107,16 @@ impl Rig {
     fn turning(drive: i32) -> Self {
         let mut rig = Self::new(&config(), 0);
         let speed = steady(drive);
-        (rig.observer.volts, rig.observer.driven) = (drive << 16, true);
+        (rig.observer.volts, rig.observer.driven) = (law(drive << 16), true);
         let m = &mut rig.observer.state;
-        (m.velocity, m.stuck, m.quiet_us, m.moving_us, m.interval_us) = (speed, false, 0, 0, 0);
+        (m.velocity, m.stuck, m.quiet_us, m.moving_us, m.interval_us) = (law(speed), false, 0, 0, 0);
         rig
     }
 
     /// How far the observed position at the last tick is from the rotor's then, 2^-20 counts.
     fn error(&self, speed: i32) -> i64 {
         let rotor = (self.rotor - i64::from(speed) * 16_000) / 1_000_000;
-        (i64::from(self.observer.state.count) << 20) + i64::from(self.observer.state.from) - rotor
+        (i64::from(self.observer.state.count) << 20) + i64::from(self.observer.state.from.to_bits()) - rotor
     }
 }
 
@@ -182,7 +200,7 @@ fn voltage_beyond_friction_accelerates_by_the_gain() {
         rig.still(10, volts(sign * 147));
         let velocity = (rig.observer.velocity().0 * sign).to_bits();
         assert!((5_955_584 - velocity).abs() < 59_555, "{velocity}");
-        let way = rig.observer.state.to * sign;
+        let way = rig.observer.state.to.to_bits() * sign;
         assert!((476_447 - way).abs() < 4_764, "{way}");
     }
 }
@@ -203,7 +221,7 @@ fn current_lags_the_voltage_by_mte() {
 #[test]
 fn rotor_coasts_by_its_friction_alone_and_stays_stopped() {
     let mut rig = Rig::new(&config(), 0);
-    rig.observer.state.velocity = 40 * SPEED;
+    rig.observer.state.velocity = law(40 * SPEED);
     rig.observer.state.stuck = false;
     rig.still(3, Push::Off);
     // 47 units · 90.875 counts/s² = 4.27 counts/s a tick, less 4 % of what the EMF damps within a tick.
@@ -233,9 +251,9 @@ fn steady_motion_leaves_nothing_to_correct() {
         }
         let state = &rig.observer.state;
         // A unit, and 0.1 %.
-        assert!(state.load.abs() < ONE, "{drive}: {}", state.load);
-        assert!(state.emf_change.abs() < 65, "{drive}: {}", state.emf_change);
-        assert!(state.gain_change.abs() < 65, "{drive}: {}", state.gain_change);
+        assert!(state.load.abs() < super::ONE, "{drive}: {}", state.load);
+        assert!(state.emf_change.abs() < law(65), "{drive}: {}", state.emf_change);
+        assert!(state.gain_change.abs() < law(65), "{drive}: {}", state.gain_change);
     }
 }
 
@@ -246,13 +264,14 @@ fn corrected(velocity: i32, quiet_us: i32, ahead: i32, push: Push) -> (Observer,
     rig.still(2, push);
     let sign = velocity.signum();
     let m = &mut rig.observer.state;
-    (m.velocity, m.quiet_us, m.moving_us, m.interval_us) = (velocity, quiet_us, LONGEST_US, LONGEST_US);
-    (m.from, m.to, m.stuck, m.load) = (sign * COUNT / 2 + ahead, sign * COUNT / 2 + ahead, false, 0);
+    (m.velocity, m.quiet_us, m.moving_us, m.interval_us) = (law(velocity), quiet_us, LONGEST_US, LONGEST_US);
+    let at = place(sign * COUNT / 2 + ahead);
+    (m.from, m.to, m.stuck, m.load) = (at, at, false, Law::ZERO);
     let way = Way::closing_if(sign > 0);
     rig.observer.edge(&edge(sign, way, rig.now));
     let m = &rig.observer.state;
-    let moved = m.to - (ahead - sign * COUNT / 2);
-    let changes = [moved, m.velocity - velocity, m.load];
+    let moved = m.to.to_bits() - (ahead - sign * COUNT / 2);
+    let changes = [moved, m.velocity.to_bits() - velocity, m.load.to_bits()];
     (rig.observer, changes)
 }
 
@@ -264,13 +283,13 @@ fn gains(model: &Model, interval: i32, keep: i32) -> [i128; 3] {
     let [keep, rate, pull, slowness] = [keep, rate, pull, slowness].map(i128::from);
     let one: i128 = 1 << 16;
     let gone = one - keep;
-    let per_second = i128::from(model.rate);
+    let per_second = i128::from(model.rate.to_bits());
     let position = one - ((keep * keep * keep) >> 32);
     // 1 + θ/(2(1+y)), where 1/(1+y) = 1 − y/(1+y); 2^-12 · 2^-4 of e/w and 1/τ.
     let velocity = (gone * gone * (2 * one + ((keep * (one - slowness)) >> 16)) * rate * per_second) >> 49;
     // h + (1 − h)·y/(1+y) with h = (1 − θ)/2.
     let lean = (gone >> 1) + (((one - (gone >> 1)) * slowness) >> 16);
-    let delta = (((gone * gone * lean) >> 32) * pull * per_second * i128::from(model.emf)) >> 32;
+    let delta = (((gone * gone * lean) >> 32) * pull * per_second * i128::from(model.emf.to_bits())) >> 32;
     [position, velocity, delta]
 }
 
@@ -320,7 +339,7 @@ fn late_edges_at_speed_raise_the_emf() {
     let (observer, [_, _, load]) = corrected(600 * SPEED, 1667, COUNT / 10, volts(47 + 582));
     assert!(observer.state.emf_change > 0, "{}", observer.state.emf_change);
     // d is 40²·q: κ/d = −v/16/40² = −0.0234.
-    assert_close(observer.state.emf_change, i128::from(-load) * 600 / 25_600, "EMF");
+    assert_close(observer.state.emf_change.to_bits(), i128::from(-load) * 600 / 25_600, "EMF");
     assert!(observer.emf() > observer.nominal_emf());
 }
 
@@ -329,7 +348,7 @@ fn late_edges_at_speed_raise_the_emf() {
 fn early_edges_in_acceleration_raise_the_gain() {
     let (observer, [_, _, load]) = corrected(20 * SPEED, 20_000, -COUNT / 10, volts(500));
     let net = 500 - 47 - 19;
-    assert_close(observer.state.gain_change, i128::from(load) * net * 36 / 160_000, "gain");
+    assert_close(observer.state.gain_change.to_bits(), i128::from(load) * net * 36 / 160_000, "gain");
     assert!(
         observer.state.gain_change > 0
             && observer.sure_gain() == Observer::new(Model::new(&config()), 0).sure_gain()
@@ -345,16 +364,16 @@ fn first_edge_after_a_rest_has_ten_ms_and_half_a_count_at_most() {
     for (at, share) in [(0, 2), (-COUNT / 2, 2), (COUNT * 3 / 8, 8)] {
         for sign in [1, -1] {
             let mut rig = Rig::new(&config(), 0);
-            rig.observer.state.to = sign * at;
+            rig.observer.state.to = place(sign * at);
             rig.still(400, volts(0));
             let way = Way::closing_if(sign > 0);
             // In the middle of the tick.
             rig.observer.edge(&edge(sign, way, rig.now.wrapping_add(Micros(500))));
             let m = &rig.observer.state;
-            assert_close(m.velocity * sign, speed / share, "velocity");
-            assert_close(m.load * sign, (delta / share).min(250 << 16), "load");
+            assert_close(m.velocity.to_bits() * sign, speed / share, "velocity");
+            assert_close(m.load.to_bits() * sign, (delta / share).min(250 << 16), "load");
             // θ is 0: on the boundary exactly.
-            assert_eq!(m.to, -sign * COUNT / 2);
+            assert_eq!(m.to, place(-sign * COUNT / 2));
         }
     }
 }
@@ -368,7 +387,7 @@ fn first_edge_of_a_rotor_that_should_rest_shows_static_friction_as_a_load() {
         rig.observer.edge(&edge(1, Way::Closing, rig.now));
         rig.observer.state.load
     };
-    assert_eq!(moved(resting(0)) - moved(volts(0)), 63 * ONE);
+    assert_eq!(moved(resting(0)) - moved(volts(0)), Law::from_num(63));
 }
 
 #[test]
@@ -377,18 +396,18 @@ fn missing_edge_sets_the_position_back_and_slows_down() {
         let mut rig = Rig::new(&config(), 0);
         rig.still(2, volts(sign * 100));
         let m = &mut rig.observer.state;
-        (m.velocity, m.quiet_us, m.moving_us) = (sign * 50 * SPEED, 20_000, 20_000);
-        m.to = sign * (COUNT / 2 + BEYOND);
+        (m.velocity, m.quiet_us, m.moving_us) = (law(sign * 50 * SPEED), 20_000, 20_000);
+        m.to = place(sign * (COUNT / 2 + BEYOND));
         let before = rig.observer.state;
         rig.observer.tick(rig.now);
         assert_eq!(rig.observer.state.velocity, before.velocity, "not yet");
-        rig.observer.state = State { to: before.to + sign * COUNT / 20, ..before };
+        rig.observer.state = State { to: before.to + place(sign * COUNT / 20), ..before };
         rig.observer.tick(rig.now);
         let m = &rig.observer.state;
-        assert_eq!(m.to, sign * (COUNT / 2 + BEYOND));
+        assert_eq!(m.to, place(sign * (COUNT / 2 + BEYOND)));
         // Half of what an edge at 22 ms would correct, by 0.05 counts.
         let [_, speed, _] = gains(&Model::new(&config()), 22_000, keep(22_000).max(KEEP_LEAST));
-        assert_close((before.velocity - m.velocity) * sign, speed / 40, "velocity");
+        assert_close((before.velocity - m.velocity).to_bits() * sign, speed / 40, "velocity");
         assert!(m.load * sign < 0, "held back: {}", m.load);
     }
 }
@@ -409,7 +428,7 @@ fn missing_edge_at_rest_turns_the_load_by_16_units_a_tick() {
         let mut rig = Rig::new(&config(), 0);
         rig.still(2, resting(0));
         for ms in 1..=10 {
-            rig.observer.state.to = sign * (COUNT / 2 + BEYOND + 1);
+            rig.observer.state.to = place(sign * (COUNT / 2 + BEYOND + 1));
             rig.observer.tick(rig.now);
             let load = rig.observer.load() * sign;
             assert!((load + Law::from_num(16 * ms)).abs() < Law::ONE * ms / 8, "{load} after {ms} ms");
@@ -418,7 +437,7 @@ fn missing_edge_at_rest_turns_the_load_by_16_units_a_tick() {
         // Not while it is to move.
         let mut rig = Rig::new(&config(), 0);
         rig.still(2, volts(0));
-        rig.observer.state.to = sign * (COUNT / 2 + BEYOND + 1);
+        rig.observer.state.to = place(sign * (COUNT / 2 + BEYOND + 1));
         rig.observer.tick(rig.now);
         assert!(rig.observer.load().abs() < Law::ONE / 8);
     }
@@ -446,7 +465,7 @@ fn velocity_is_bounded_by_the_time_of_its_missing_edge() {
                 rig.still(2, push);
                 let m = &mut rig.observer.state;
                 (m.quiet_us, m.moving_us) = ((quiet_ms - 1) * 1000, (moving_ms - 1) * 1000);
-                (m.velocity, m.to) = (sign * 4000 * SPEED, sign * (COUNT / 2 + BEYOND + 1));
+                (m.velocity, m.to) = (law(sign * 4000 * SPEED), place(sign * (COUNT / 2 + BEYOND + 1)));
                 rig.observer.tick(rig.now);
                 let velocity = rig.observer.velocity();
                 assert_eq!(velocity, CountsPerSec(Law::from_num(sign * most)), "{quiet_ms} {moving_ms}");
@@ -463,7 +482,7 @@ fn sure_velocity_is_that_of_the_time_since_the_last_edge() {
         {
             let mut rig = Rig::new(&config(), 0);
             rig.observer.state.quiet_us = quiet_ms * 1000;
-            rig.observer.state.velocity = velocity * SPEED;
+            rig.observer.state.velocity = law(velocity * SPEED);
             assert_eq!(rig.observer.sure_velocity(), CountsPerSec(Law::from_num(expected)), "{quiet_ms} ms");
         }
     }
@@ -495,10 +514,10 @@ fn bounce_restores_the_state_before_its_edge() {
         let at = |us| rig.now.wrapping_add(Micros(us));
         let (first, second) = (at(300), at(350));
         rig.observer.edge(&edge(before.count + sign, there, first));
-        assert_ne!(State { from: 0, ..rig.observer.state }, State { from: 0, ..before });
+        assert_ne!(State { from: Place::ZERO, ..rig.observer.state }, State { from: Place::ZERO, ..before });
         rig.observer.edge(&HallEdge { bounce: true, ..edge(before.count, back, second) });
         // The place within the tick is that of the two edges.
-        assert_eq!(State { from: 0, ..rig.observer.state }, State { from: 0, ..before });
+        assert_eq!(State { from: Place::ZERO, ..rig.observer.state }, State { from: Place::ZERO, ..before });
         assert_eq!((rig.observer.low, rig.observer.high), {
             rig.observer.bound();
             (rig.observer.low, rig.observer.high)
@@ -508,7 +527,8 @@ fn bounce_restores_the_state_before_its_edge() {
 
 /// What follows from the learned EMF and gain.
 const fn derived(observer: &Observer) -> [i32; 4] {
-    [observer.emf, observer.step, observer.inertia, observer.sure_gain]
+    let Observer { emf, step, inertia, sure_gain, .. } = observer;
+    [emf.to_bits(), step.to_bits(), inertia.to_bits(), sure_gain.to_bits()]
 }
 
 /// An edge far from where the model has the rotor changes the gains by more than half.
@@ -617,7 +637,7 @@ fn mean_of_the_offsets_stays_zero() {
 #[test]
 fn forgotten_load_is_zero() {
     let mut rig = Rig::new(&config(), 0);
-    rig.observer.state.load = 10 * ONE;
+    rig.observer.state.load = law(10 * ONE);
     rig.observer.forget_load();
     assert_eq!(rig.observer.load(), Law::ZERO);
 }
@@ -630,7 +650,7 @@ fn another_motor_forgets_what_was_learned_of_the_last() {
     assert!(rig.observer.emf() > rig.observer.nominal_emf());
     rig.observer.set_model(Model::new(&Motor { mke: 3000, ..config() }));
     assert_eq!(rig.observer.emf(), Law::from_bits(3000 << 4));
-    assert_eq!((rig.observer.state.emf_change, rig.observer.state.gain_change), (0, 0));
+    assert_eq!((rig.observer.state.emf_change, rig.observer.state.gain_change), (Law::ZERO, Law::ZERO));
     let fresh = Observer::new(Model::new(&Motor { mke: 3000, ..config() }), 0);
     assert_eq!((rig.observer.step, rig.observer.inertia), (fresh.step, fresh.inertia));
 }
@@ -641,7 +661,7 @@ fn open_bridge_clears_the_load_and_a_closed_one_again() {
     for (push, kept) in
         [(volts(0), false), (resting(10), true), (Push::Off, false), (Push::Off, true), (volts(0), false)]
     {
-        rig.observer.state.load = 10 * ONE;
+        rig.observer.state.load = law(10 * ONE);
         rig.still(1, push);
         let expected = if kept { Law::from_num(10) } else { Law::ZERO };
         assert_eq!(rig.observer.load(), expected, "{push:?}");
@@ -712,11 +732,11 @@ fn any_motor() -> impl Strategy<Value = Motor> {
 
 fn assert_bounded(observer: &Observer) {
     let m = &observer.state;
-    assert!(m.velocity.abs() < 1 << 30, "{}", m.velocity);
-    assert!(m.load.abs() <= 900 << 16, "{}", m.load);
+    assert!(m.velocity.abs() < law(1 << 30), "{}", m.velocity);
+    assert!(m.load.abs() <= law(900 << 16), "{}", m.load);
     // 46 % of K, and −0.5..=0.9 in 2^-16.
     assert!(m.emf_change.abs() <= observer.model.emf * 47 / 100, "{}", m.emf_change);
-    assert!((-32_768..=58_982).contains(&m.gain_change), "{}", m.gain_change);
+    assert!((-32_768..=58_982).contains(&m.gain_change.to_bits()), "{}", m.gain_change);
     assert!((0..=300_000).contains(&observer.quiet().0));
     let _ =
         (observer.position(), observer.exact_position(), observer.coming_velocity(), observer.sure_gain());
@@ -756,18 +776,18 @@ proptest! {
 fn load_takes_what_gain_and_emf_cannot() {
     let load_after = |gain, emf| {
         let mut observer = Observer::new(Model::new(&config()), 0);
-        observer.mean_volts = -241 << 16;
+        observer.mean_volts = law(-241 << 16);
         observer.state = State {
-            velocity: -100 * SPEED,
-            load: -700 << 16,
+            velocity: law(-100 * SPEED),
+            load: law(-700 << 16),
             gain_change: gain,
             emf_change: emf,
             ..observer.state
         };
-        observer.correct(COUNT / 2, 10_000, KEEP_LEAST, false);
-        (observer.state.load >> 16) + 700
+        observer.correct(HALF, 10_000, super::KEEP_LEAST, false);
+        (observer.state.load.to_bits() >> 16) + 700
     };
-    let (free, bound) = (load_after(0, 0), load_after(GAIN_CHANGE.0, 0));
+    let (free, bound) = (load_after(Law::ZERO, Law::ZERO), load_after(GAIN_CHANGE.0, Law::ZERO));
     assert!(free < 5 && bound > 30, "{free} {bound}");
 }
 
@@ -778,7 +798,7 @@ fn load_along_an_ended_motion_is_friction_at_most_as_much_as_the_motor_has() {
         [(true, 30, 0), (true, 300, 300 - friction), (true, -300, -300), (false, -20, 0), (false, 20, 20)]
     {
         let mut observer = Observer::new(Model::new(&config()), 0);
-        observer.state.load = load << 16;
+        observer.state.load = law(load << 16);
         observer.end_motion(Way::closing_if(closing));
         assert_eq!(observer.load(), Law::from_num(left), "{closing} {load}");
     }
@@ -787,32 +807,32 @@ fn load_along_an_ended_motion_is_friction_at_most_as_much_as_the_motor_has() {
 #[test]
 fn search_for_a_load_narrows_as_it_turns_round_and_widens_as_it_goes_on() {
     let mut search = Search::NONE;
-    let narrowing = [1, -1, 1, -1, 1, -1].map(|sign| search.step(sign, 64));
+    let narrowing = [1, -1, 1, -1, 1, -1].map(|sign| search.step(sign, law(64)).to_bits());
     assert_eq!(narrowing, [64, -32, 16, -8, 4, -4]);
     for step in [-4, -8, -16, -32, -64] {
         // Its first step was that of the last turn.
         for _ in u32::from(step == -4)..WIDENS_MS {
-            assert_eq!(search.step(-1, 64), step);
+            assert_eq!(search.step(-1, law(64)), law(step));
         }
     }
-    assert_eq!(search.step(-1, 64), -64);
+    assert_eq!(search.step(-1, law(64)), law(-64));
 }
 
 /// A load that friction nearly holds takes the rotor to and fro over a boundary, each time by less.
 #[test]
 fn edges_to_and_fro_at_rest_change_the_load_less_and_less() {
     let mut rig = Rig::new(&config(), 0);
-    let mut last = i32::MAX;
+    let mut last = Law::MAX;
     for count in [1, 0, 1, 0] {
         rig.still(60, resting(0));
         let before = rig.observer.state.load;
         let way = Way::closing_if(count == 1);
-        rig.observer.state.velocity = 0;
+        rig.observer.state.velocity = Law::ZERO;
         rig.observer.edge(&edge(count, way, rig.now));
         let change = (rig.observer.state.load - before).abs();
-        assert!(change < last && change > 0, "{change} after {last}");
+        assert!(change < last && change > Law::ZERO, "{change} after {last}");
         last = change;
-        rig.observer.state.velocity = 0;
+        rig.observer.state.velocity = Law::ZERO;
     }
     rig.still(2, volts(0));
     assert_eq!(rig.observer.state.search, Search::NONE, "forgotten in a motion");
