@@ -1,6 +1,6 @@
 //! A ring of a board's last events with their times: a probe logs them, a simulator prints them when a run fails.
 //!
-//! Entries are plain values without text. The 1 kHz tick records nothing.
+//! Entries are plain values without text. The 1 kHz tick records nothing, except each vector of FIND.
 
 use heapless::Deque;
 use servo_core::Event;
@@ -37,6 +37,8 @@ pub enum BoardEvent {
     Mode(Mode),
     /// The servo's report: the end of a motion, a fault (a lost host is one), a breakaway, a hall glitch, homed.
     Motor(Event),
+    /// FIND turns its field to this sector, 0 to 5.
+    Field(u8),
     /// FIND is complete: the wiring's number up to its mirror image, or why there is none.
     Found(Result<u8, Trouble>),
     /// The flash failed, which is ERROR 8 until SET STAT 2.

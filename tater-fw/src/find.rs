@@ -282,7 +282,7 @@ impl Find {
 
     /// The sector whose legs are held.
     #[must_use]
-    fn sector(&self) -> u8 {
+    pub fn sector(&self) -> u8 {
         u8::try_from(self.vector.rem_euclid(6)).unwrap_or(0)
     }
 

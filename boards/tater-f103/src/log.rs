@@ -18,7 +18,7 @@ pub fn started(node: Node, homed: bool) {
 
 pub fn event(entry: Entry) {
     #[cfg(feature = "log")]
-    defmt::info!("{}", entry);
+    defmt::info!("{}", entry.event);
     #[cfg(not(feature = "log"))]
     let _ = entry;
 }

@@ -70,6 +70,7 @@ fn board_text(event: &BoardEvent) -> String {
         }
         BoardEvent::Mode(mode) => format!("mode {}", mode_word(*mode)),
         BoardEvent::Motor(event) => motor_text(event),
+        BoardEvent::Field(sector) => format!("field to sector {sector}"),
         BoardEvent::Found(Ok(number)) => format!("found wiring {number}"),
         BoardEvent::Found(Err(trouble)) => format!("found no wiring: {trouble:?}"),
         BoardEvent::Flash(error) => format!("flash: {error:?}"),

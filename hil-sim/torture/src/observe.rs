@@ -51,6 +51,7 @@ pub fn seen(event: BoardEvent) -> Seen {
         }
         BoardEvent::Motor(Event::Homed) => Seen::Homed,
         BoardEvent::Motor(Event::Breakaway { .. } | Event::Fault(_) | Event::Glitch(_))
+        | BoardEvent::Field(_)
         | BoardEvent::Found(_)
         | BoardEvent::Flash(_) => Seen::Other,
     }

@@ -114,10 +114,14 @@ impl<B: Board> Tater<B> {
         if !self.servo.has_field() {
             return;
         }
+        let before = find.sector();
         let found = match find.step(self.board.halls() & 7, current) {
             Step::Hold(sector, torque) => {
                 self.commutator.hold(Some(sector));
                 self.servo.set_field(torque);
+                if sector != before {
+                    self.record(BoardEvent::Field(sector));
+                }
                 return;
             }
             Step::Done(found) => found,
