@@ -6,6 +6,7 @@ mod chart;
 mod contact;
 mod effort;
 mod emulated;
+mod estimator;
 mod fences;
 mod figures;
 mod god;

@@ -16,7 +16,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if env::var("CARGO_CFG_TARGET_OS")? != "none" {
         return Ok(());
     }
-    for (program, flash) in [("stub", MAP.application), ("stub-monitor", MAP.monitor)] {
+    for (program, flash) in
+        [("stub", MAP.application), ("stub-monitor", MAP.monitor), ("stub-god", MAP.application)]
+    {
         let folder = PathBuf::from(env::var("OUT_DIR")?).join(program);
         fs::create_dir_all(&folder)?;
         let area = |Area { start, len }| format!("ORIGIN = {start:#010x}, LENGTH = {len:#x}");

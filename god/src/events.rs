@@ -5,7 +5,7 @@
 
 use crate::shared::Shared;
 
-use heapless::HistoryBuf;
+use heapless::Deque;
 use tater_wire::Property;
 
 use crate::motors::Motor;
@@ -93,17 +93,22 @@ pub enum EventKind {
 /// The ring.
 #[derive(Debug, Default)]
 pub struct EventLog {
-    ring: Shared<HistoryBuf<Event, CAPACITY>>,
+    ring: Shared<Deque<Event, CAPACITY>>,
 }
 
 impl EventLog {
     pub(crate) fn record(&self, at_us: u64, kind: EventKind) {
-        self.ring.with(|ring| ring.write(Event { at_us, kind }));
+        self.ring.with(|ring| {
+            if ring.is_full() {
+                ring.pop_front();
+            }
+            let _ = ring.push_back(Event { at_us, kind });
+        });
     }
 
     /// Calls `visit` for each event, oldest first.
     pub fn for_each(&self, visit: impl FnMut(&Event)) {
-        self.ring.with(|ring| ring.oldest_ordered().for_each(visit));
+        self.ring.with(|ring| ring.iter().for_each(visit));
     }
 }
 

@@ -35,12 +35,13 @@ impl Travel {
         let Self { distance, accel, velocity } = self;
         let square = accel.checked_mul(accel).filter(|&square| square > 0)?;
         // v/a in µs, with a = ACCEL² · 10⁶/2²⁰ counts/s².
-        let ramp_us = velocity.checked_mul(1 << 20)? / square;
+        let ramp_us = velocity.checked_mul(1 << 20)?.checked_div(square)?;
         let cruises = velocity.checked_mul(ramp_us)? <= distance.checked_mul(1_000_000)?;
         if cruises {
             Some(distance.checked_mul(1_000_000)? / velocity.max(1) + ramp_us)
         } else {
-            Some(2 * distance.checked_mul(1_000_000)?.checked_mul(1 << 20)?.isqrt() / accel)
+            let area = distance.checked_mul(1_000_000)?.checked_mul(1 << 20)?.unsigned_abs();
+            i64::try_from(2 * area.isqrt()).ok()?.checked_div(accel)
         }
     }
 

@@ -104,6 +104,14 @@ fn build_into(profile: Profile, folder: &Path) -> Result<Images, Failure> {
     })
 }
 
+/// Builds GOD on the stub board.
+///
+/// # Errors
+/// It cannot be built.
+pub fn god() -> Result<PathBuf, Failure> {
+    compile::god(&root(), &target())
+}
+
 struct Built {
     tater: tek::Sealed,
     monitor: Vec<u8>,

@@ -47,27 +47,9 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
         let names = left_out.join(", ");
         warn(&format!("not used, so that the same commit gives the same image anywhere: {names}"));
     }
-    let flags = flags(checkout, build)?;
     for name in ["monitor", "conformance", "tater"] {
-        let mut cargo = program(&format!(
-            "cargo build --locked --package tater-f103 --bin {name} --profile firmware --target {THUMB}"
-        ));
-        cargo.current_dir(checkout).arg("--target-dir").arg(build);
-        cargo.env_remove("DEFMT_LOG");
-        if name == "tater"
-            && let Some(levels) = log(profile)
-        {
-            cargo.args(["--features", "log"]).env("DEFMT_LOG", levels);
-        }
-        if !io::stderr().is_terminal() {
-            cargo.arg("--quiet");
-        }
-        left_out.iter().for_each(|name| {
-            cargo.env_remove(name);
-        });
-        // Not by RUSTFLAGS: a path may contain a blank.
-        cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}"));
-        run(cargo).map_err(|_| {
+        let levels = if name == "tater" { log(profile) } else { None };
+        cargo(checkout, build, "tater-f103", name, levels).map_err(|_| {
             format!("{name} cannot be built\n  repeat with: cargo xtask image --profile {}", profile.name())
         })?;
     }
@@ -75,6 +57,42 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
     let [tater, monitor, conformance] =
         ["tater", "monitor", "conformance"].map(|name| folder.join("firmware").join(name));
     Ok(Linked { tater, monitor, conformance })
+}
+
+/// Builds a program, with logs of these levels or without.
+fn cargo(
+    checkout: &Path,
+    build: &Path,
+    package: &str,
+    name: &str,
+    levels: Option<String>,
+) -> Result<(), Failure> {
+    let mut cargo = program(&format!(
+        "cargo build --locked --package {package} --bin {name} --profile firmware --target {THUMB}"
+    ));
+    cargo.current_dir(checkout).arg("--target-dir").arg(build);
+    cargo.env_remove("DEFMT_LOG");
+    if let Some(levels) = levels {
+        cargo.args(["--features", "log"]).env("DEFMT_LOG", levels);
+    }
+    if !io::stderr().is_terminal() {
+        cargo.arg("--quiet");
+    }
+    left_out().iter().for_each(|name| {
+        cargo.env_remove(name);
+    });
+    // Not by RUSTFLAGS: a path may contain a blank.
+    cargo.env("CARGO_ENCODED_RUSTFLAGS", flags(checkout, build)?.join("\u{1f}"));
+    Ok(run(cargo)?)
+}
+
+/// Builds GOD on the stub board, which has no image: for its figures.
+///
+/// # Errors
+/// As [`compile`].
+pub fn god(checkout: &Path, build: &Path) -> Result<PathBuf, Failure> {
+    cargo(checkout, build, "stub", "stub-god", None)?;
+    Ok(build.join(THUMB).join("firmware/stub-god"))
 }
 
 fn left_out() -> Vec<String> {

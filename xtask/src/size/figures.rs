@@ -20,10 +20,15 @@ pub struct Limits {
 const RESERVE: u32 = 2 * 1024;
 
 /// Variables may take 8 of their 12 KiB.
-pub const LIMITS: [Limits; 2] = [
+pub const LIMITS: [Limits; 3] = [
     Limits { program: "tater", flash: APPLICATION.len - RESERVE, ram: 8 * 1024 },
     Limits { program: "monitor", flash: MONITOR.len - RESERVE, ram: 8 * 1024 },
+    // On the stub board, with its state on the stack.
+    Limits { program: "god", flash: 112 * 1024, ram: 1024 },
 ];
+
+/// What a poll of GOD may take of the stack, bytes, beside its state.
+pub const MOST_OF_A_POLL: u32 = 7 * 1024;
 
 pub struct Figures {
     pub name: &'static str,
@@ -63,6 +68,14 @@ impl Figures {
             forbidden: Vec::new(),
             stack,
         }
+    }
+
+    /// What a poll of GOD takes of the stack at worst; `None` of another program.
+    pub fn poll(&self) -> Option<u32> {
+        let main = self.stack.as_ref().ok()?.levels.iter().find(|level| level.name == "main")?;
+        let path = &main.deepest.path;
+        let from = path.iter().position(|frame| frame.function.starts_with("stub_god::poll"))?;
+        path.get(from..).map(|frames| frames.iter().map(|frame| frame.bytes).sum())
     }
 
     /// Adds the alignment and padding that make the flashed image longer than its sections.

@@ -21,6 +21,9 @@ fn committed(all: &[Figures]) -> Value {
         let stack = figures.stack.as_ref().map_or_else(
             |_| json!("unknown"),
             |worst| {
+                if let Some(poll) = figures.poll() {
+                    return json!({ "poll": poll });
+                }
                 let levels = worst.levels.iter().map(|level| (level.name.clone(), json!(level.bytes())));
                 json!({
                     "worst": worst.bytes(),

@@ -5,6 +5,9 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use super::elf::{Program, plain};
 use super::thumb::{Flow, Instruction, Mask, PC, Stack, decode};
 
+/// Bytes of stack that no microcontroller has.
+const MOST_DEPTH: i32 = 1 << 20;
+
 /// Instructions that load the stack pointer with a value that static analysis cannot know, and why that is right.
 const STACK_RESET: [(&str, &str); 2] = [
     ("HardFault", "begins the stack anew, because it may be what has failed, and never returns"),
@@ -290,8 +293,8 @@ impl Walk<'_, '_> {
         if both == *known {
             return Ok(None);
         }
-        // Deeper than the RAM: it would grow without end.
-        if both.depth > tater_f103::map::RAM.len.cast_signed() {
+        // It would grow without end.
+        if both.depth > MOST_DEPTH {
             return Err("found a loop that pushes without end".into());
         }
         self.states.insert(at, both);

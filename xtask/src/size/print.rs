@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use tater_f103::map::STACK;
 
+use super::figures::MOST_OF_A_POLL;
 use super::stack::Worst;
 use super::{Figures, LIMITS};
 use crate::image::Profile;
@@ -49,7 +50,15 @@ fn program(page: &mut String, figures: &Figures) -> std::fmt::Result {
         writeln!(page, "    {} ({}), by {}", found.name, found.family, found.chain.join(" > "))?;
     }
     match &figures.stack {
-        Ok(worst) => stack(page, worst),
+        Ok(worst) => {
+            if let Some(poll) = figures.poll() {
+                writeln!(
+                    page,
+                    "  a poll takes {poll} of {MOST_OF_A_POLL} bytes of stack at worst, beside GOD's state"
+                )?;
+            }
+            stack(page, worst)
+        }
         Err(error) => writeln!(page, "  stack unknown: {error}"),
     }
 }
