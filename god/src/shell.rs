@@ -5,7 +5,9 @@
 //! properties restored. With a dead bus that takes 0.5 s at most. After it the host is at a prompt.
 
 use core::convert::Infallible;
-use core::pin::pin;
+use core::future::poll_fn;
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll};
 
 use tater_wire::Property;
 
@@ -131,10 +133,23 @@ async fn run_commands(god: &God<'_>, line: &str) -> Outcome {
     Outcome::Done(Status::OK)
 }
 
+/// Polls a future in a call of its own: the others of [`dispatch`] take no stack meanwhile.
+#[inline(never)]
+fn poll_apart<F: Future>(future: Pin<&mut F>, context: &mut Context<'_>) -> Poll<F::Output> {
+    future.poll(context)
+}
+
+macro_rules! apart {
+    ($future:expr) => {{
+        let mut future = pin!($future);
+        poll_fn(|context| poll_apart(future.as_mut(), context)).await
+    }};
+}
+
 async fn dispatch(god: &God<'_>, statement: Statement<'_>) -> Outcome {
     let (command, prefix, arguments) = match statement {
         Statement::Empty => return Outcome::Done(Status::OK),
-        Statement::Lower(request) => return Outcome::Done(walk_through::execute(god, request).await),
+        Statement::Lower(request) => return Outcome::Done(apart!(walk_through::execute(god, request))),
         Statement::Command { command, prefix, arguments } => (command, prefix, arguments),
     };
     let Some(spec) = command.row() else { return Outcome::Done(Status::UNKNOWN_COMMAND) };
@@ -142,7 +157,7 @@ async fn dispatch(god: &God<'_>, statement: Statement<'_>) -> Outcome {
         return Outcome::Done(Status::NO_PREFIX);
     }
     Outcome::Done(match (command, spec.category) {
-        (GclCommand::Loop, _) => realtime::execute(god, prefix, arguments).await,
+        (GclCommand::Loop, _) => apart!(realtime::execute(god, prefix, arguments)),
         (GclCommand::Reset, _) => match arguments.none() {
             Ok(()) => {
                 // Back into their monitors, as after power-on.
@@ -151,14 +166,14 @@ async fn dispatch(god: &God<'_>, statement: Statement<'_>) -> Outcome {
             }
             Err(status) => status,
         },
-        (_, Category::Movement) => movement::execute(god, command, prefix, arguments).await,
+        (_, Category::Movement) => apart!(movement::execute(god, command, prefix, arguments)),
         (_, Category::MotorParameters | Category::GlobalParameters)
         | (GclCommand::Flista | GclCommand::Flistav | GclCommand::Plista | GclCommand::Plistav, _) => {
-            settings::execute(god, command, prefix, arguments).await
+            apart!(settings::execute(god, command, prefix, arguments))
         }
-        (_, Category::Sequences) => sequences::execute(god, command, prefix, arguments).await,
+        (_, Category::Sequences) => apart!(sequences::execute(god, command, prefix, arguments)),
         (_, Category::Administration | Category::Advanced) => {
-            administration::execute(god, command, arguments).await
+            apart!(administration::execute(god, command, arguments))
         }
     })
 }

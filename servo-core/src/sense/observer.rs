@@ -62,7 +62,7 @@
 //!
 //! # Formats
 //!
-//! x is a [`Place`], from the center of the cell; v, voltages, torques, shares and deviations are [`Law`]; times are in µs. A product says the
+//! x is a `Place`, from the center of the cell; v, voltages, torques, shares and deviations are [`Law`]; times are in µs. A product says the
 //! format of its result, so that no shift stands alone.
 
 use crate::motor::Motor;

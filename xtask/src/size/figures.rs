@@ -28,7 +28,7 @@ pub const LIMITS: [Limits; 3] = [
 ];
 
 /// What a poll of GOD may take of the stack, bytes, beside its state.
-pub const MOST_OF_A_POLL: u32 = 7 * 1024;
+pub const MOST_OF_A_POLL: u32 = 6 * 1024;
 
 pub struct Figures {
     pub name: &'static str,
