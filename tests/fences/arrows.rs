@@ -84,7 +84,7 @@ const ARROWS: [Arrows; 26] = [
     // heapless: its bus. cortex-m(-rt): its cores.
     Arrows {
         package: "stub",
-        ours: &["servo-core", "tater-wire", "boot", "tater-fw"],
+        ours: &["servo-core", "tater-wire", "boot", "tater-fw", "god"],
         others: Some(&["cortex-m", "cortex-m-rt", "heapless"]),
     },
     // heapless: bounded buffers without a heap. defmt: as above. proptest: tests.
