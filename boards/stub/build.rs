@@ -1,4 +1,4 @@
-//! Writes the linker scripts of the two programs from the memory map.
+//! Writes the linker scripts of the programs from the memory map.
 
 #[path = "src/map.rs"]
 #[allow(dead_code, reason = "the programs use all of it")]

@@ -79,7 +79,7 @@ const fn of_a_host(name: &'static str, package: &'static str, files: &'static [&
     Subject { tests: "--tests", explains: false, ..of_a_board(name, package, files, 85.0) }
 }
 
-/// Together they take ten times as long as the other tests of tater-fw.
+/// Together they take ten times as long as the other tests of boot.
 const SLOW_OF_BOARD: [&str; 6] = [
     "any_frames_and_readings_keep_the_board",
     "any_rising_records_build_the_image",
