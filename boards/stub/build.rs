@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 use map::MAP;
-use tater_wire::map::Area;
+use tater_wire::map::Script;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo::rerun-if-changed=build.rs");
@@ -16,20 +16,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if env::var("CARGO_CFG_TARGET_OS")? != "none" {
         return Ok(());
     }
-    for (program, flash) in
+    for (program, area) in
         [("stub", MAP.application), ("stub-monitor", MAP.monitor), ("stub-god", MAP.application)]
     {
         let folder = PathBuf::from(env::var("OUT_DIR")?).join(program);
         fs::create_dir_all(&folder)?;
-        let area = |Area { start, len }| format!("ORIGIN = {start:#010x}, LENGTH = {len:#x}");
-        let script = format!(
-            "MEMORY\n{{\n  FLASH : {}\n  RAM : {}\n}}\n_stack_start = {:#010x};\n_stack_end = {:#010x};\n",
-            area(flash),
-            area(MAP.statics),
-            MAP.stack.end(),
-            MAP.stack.start,
-        );
-        fs::write(folder.join("memory.x"), script)?;
+        fs::write(folder.join("memory.x"), Script { map: MAP, program: area }.to_string())?;
         for argument in [format!("-L{}", folder.display()), "-Tlink.x".into(), "--nmagic".into()] {
             println!("cargo::rustc-link-arg-bin={program}={argument}");
         }

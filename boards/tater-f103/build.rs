@@ -7,29 +7,11 @@ mod map;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-use map::{APPLICATION, HEAT, KEPT, MONITOR, STACK, STATICS};
-use tater_wire::map::Area;
+use map::{APPLICATION, MAP, MONITOR};
+use tater_wire::map::Script;
 
 /// Port B's BRR (RM0008 9.2.6): pin 5 low engages the brake.
 const SAFE: [u32; 2] = [0x4001_0C14, 1 << 5];
-
-/// The stack lies below the variables: one that overflows leaves the RAM, which is a fault, and overwrites nothing.
-fn script(flash: Area) -> String {
-    let Area { start, len } = flash;
-    format!(
-        "MEMORY\n{{\n  FLASH : ORIGIN = {start:#010x}, LENGTH = {len:#x}\n  RAM : ORIGIN = {:#010x}, LENGTH = {:#x}\n}}\n\
-         _stack_start = {:#010x};\n_stack_end = {:#010x};\n_kept = {:#010x};\n_heat = {:#010x};\n\
-         _safe_register = {:#010x};\n_safe_value = {:#x};\n",
-        STATICS.start,
-        STATICS.len,
-        STACK.end(),
-        STACK.start,
-        KEPT.start,
-        HEAT.start,
-        SAFE[0],
-        SAFE[1],
-    )
-}
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo::rerun-if-changed=build.rs");
@@ -38,10 +20,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Ok(());
     }
     let out = PathBuf::from(env::var("OUT_DIR")?);
-    for (program, flash) in [("tater", APPLICATION), ("monitor", MONITOR), ("conformance", MONITOR)] {
+    let [register, value] = SAFE;
+    let safe = format!("_safe_register = {register:#010x};\n_safe_value = {value:#x};\n");
+    for (program, area) in [("tater", APPLICATION), ("monitor", MONITOR), ("conformance", MONITOR)] {
         let folder = out.join(program);
         fs::create_dir_all(&folder)?;
-        fs::write(folder.join("memory.x"), script(flash))?;
+        fs::write(folder.join("memory.x"), format!("{}{safe}", Script { map: MAP, program: area }))?;
         link(program, &folder);
     }
     Ok(())

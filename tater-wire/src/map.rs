@@ -127,9 +127,45 @@ impl Map {
     }
 }
 
+/// The linker script of a program in an area of a map, for a board's build script: the memories of cortex-m-rt, and the symbols by which a fatal error finds
+/// stack and kept words. The stack lies below the variables: one that overflows leaves the RAM, which is a fault, and overwrites nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Script {
+    /// The map.
+    pub map: Map,
+    /// The program's part of the flash.
+    pub program: Area,
+}
+
+impl core::fmt::Display for Script {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Map { stack, statics, kept, heat, .. } = self.map;
+        writeln!(f, "MEMORY\n{{")?;
+        for (name, Area { start, len }) in [("FLASH", self.program), ("RAM", statics)] {
+            writeln!(f, "  {name} : ORIGIN = {start:#010x}, LENGTH = {len:#x}")?;
+        }
+        writeln!(f, "}}\n_stack_start = {:#010x};\n_stack_end = {:#010x};", stack.end(), stack.start)?;
+        writeln!(f, "_kept = {:#010x};\n_heat = {:#010x};", kept.start, heat.start)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn script_places_a_program_and_its_variables_between_stack_and_kept_words() {
+        let flash = Area { start: 0x0800_0000, len: 128 * 1024 };
+        let ram = Area { start: 0x2000_0000, len: 20 * 1024 };
+        let map = Map::new(Memories { flash, page: 1024, unit: 2, ram }, 16 * 1024, 8 * 1024);
+        let script = Script { map, program: map.application }.to_string();
+        assert_eq!(
+            script,
+            "MEMORY\n{\n  FLASH : ORIGIN = 0x08004000, LENGTH = 0xd000\n  RAM : ORIGIN = 0x20002000, LENGTH = 0x2ff0\n}\n\
+             _stack_start = 0x20002000;\n_stack_end = 0x20000000;\n_kept = 0x20004ff0;\n_heat = 0x20004ffc;\n"
+        );
+    }
 
     #[test]
     fn holds_is_true_for_what_is_inside_to_the_last_byte() {

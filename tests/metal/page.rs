@@ -5,7 +5,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use bsp_stm32f1::timing;
-use tater_f103::map::{APPLICATION, KEPT, MAP, MONITOR, STACK, STATICS, STORAGE};
+use tater_f103::map::{APPLICATION, MAP, MONITOR, STACK, STORAGE};
 use tater_f103::pins::{BUS, MOTOR};
 use tater_wire::FaultCode;
 
@@ -45,8 +45,8 @@ fn made(name: &str) -> String {
                 (MAP.staging, "flash: where a download is gathered"),
                 (STORAGE, "flash: properties and counters"),
                 (STACK, "RAM: stack, growing down"),
-                (STATICS, "RAM: variables"),
-                (KEPT, "RAM: what survives a reset"),
+                (MAP.statics, "RAM: variables"),
+                (MAP.kept, "RAM: what survives a reset"),
             ] {
                 let (from, to) = (format!("0x{:08X}", area.start), format!("0x{:08X}", area.end() - 1));
                 row(&[&from, &to, &area.len.to_string(), what]);
@@ -140,7 +140,7 @@ fn phrases() -> Vec<String> {
         format!("nothing can stop it: {} ms", watchdog::MS),
         format!("by 64 counts, {:.1} ms", f64::from(tick_watchdog::US) / 1e3),
         format!("may be an erase, {} ms", tick_watchdog::ERASE_US / 1000),
-        format!("the {} kept bytes", KEPT.len),
+        format!("the {} kept bytes", MAP.kept.len),
     ];
     let told =
         [FaultCode::Bridge, FaultCode::Watchdog, FaultCode::Panic, FaultCode::HardFault, FaultCode::Clock];

@@ -20,10 +20,6 @@ pub const APPLICATION: Area = MAP.application;
 pub const STORAGE: Area = MAP.storage;
 /// See [`Map::stack`].
 pub const STACK: Area = MAP.stack;
-/// See [`Map::statics`].
-pub const STATICS: Area = MAP.statics;
-/// See [`Map::kept`].
-pub const KEPT: Area = MAP.kept;
 /// See [`Map::heat`].
 pub const HEAT: Area = MAP.heat;
 
@@ -40,6 +36,6 @@ mod tests {
             (52 * 1024, 52, 0x0801_FC00)
         );
         assert_eq!((RAM.end(), STACK.end()), (0x2000_5000, 0x2000_2000));
-        assert_eq!((KEPT.start, HEAT.start), (0x2000_4FF0, 0x2000_4FFC));
+        assert_eq!((MAP.kept.start, HEAT.start), (0x2000_4FF0, 0x2000_4FFC));
     }
 }
